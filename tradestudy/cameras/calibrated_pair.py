@@ -82,10 +82,10 @@ class CalibratedPair:
     @property
     def cameras(self) -> tuple[CalibratedCamera, CalibratedCamera]:
         """The left and the right camera."""
-        own = len(self.parameters[:-6]) // 2
+        count = len(self.parameters[:-6]) // 2
         left, right = (
-            _camera(self.parameters[first : first + own], lens, self.free)
-            for first, lens in zip((0, own), self.lenses, strict=True)
+            _camera(self.parameters[first : first + count], lens, self.free)
+            for first, lens in zip((0, count), self.lenses, strict=True)
         )
         return left, right
 

@@ -98,12 +98,12 @@ class Calibration:
 
     def errors(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Errors by the parameter names of the camera's model, from draws in which ageing is separate."""
-        found = {name: value for name, value in values.items() if not name.startswith(AGEING)}
+        errors = {name: value for name, value in values.items() if not name.startswith(AGEING)}
         for name, value in values.items():
             if name.startswith(AGEING):
                 base = name.removeprefix(AGEING)
-                found[base] = found.get(base, np.zeros(())) + value
-        return found
+                errors[base] = errors.get(base, np.zeros(())) + value
+        return errors
 
 
 PERFECT: Final = Calibration()

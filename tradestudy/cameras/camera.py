@@ -66,14 +66,14 @@ def lens_contradictions(
     ``views`` are the fields of view across and on the diagonal [rad] of a lens that is no pinhole; ``part`` is the key
     of the lens.
     """
-    found = _pupil_contradictions(lens, part)
+    contradictions = _pupil_contradictions(lens, part)
     if stated is None:
-        return found
-    found += _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
+        return contradictions
+    contradictions += _sensitivity_contradictions(sensor, stated.absolute_sensitivity_threshold)
     if stated.field_of_view is not None:
         across, diagonal = views or (lens.field_of_view(sensor.width), lens.field_of_view(sensor.diagonal))
         if not any(math.isclose(stated.field_of_view, angle, rel_tol=_ANGLE_TOLERANCE) for angle in (across, diagonal)):
-            found.append(
+            contradictions.append(
                 Contradiction(
                     what="field of view against focal length and sensor",
                     stated=show(stated.field_of_view, ANGLE),
@@ -85,7 +85,7 @@ def lens_contradictions(
     if stated.hyperfocal_distance is not None:
         implied = float(hyperfocal_distance(lens.focal_length, lens.pupil_diameter, sensor.pixel_pitch))
         if not math.isclose(stated.hyperfocal_distance, implied, rel_tol=PRINTED_TOLERANCE):
-            found.append(
+            contradictions.append(
                 Contradiction(
                     what="hyperfocal distance against focal length, aperture and pixel",
                     stated=show(stated.hyperfocal_distance, LENGTH),
@@ -94,7 +94,7 @@ def lens_contradictions(
                     path=("stated", "hyperfocal_distance"),
                 )
             )
-    return found
+    return contradictions
 
 
 def _pupil_contradictions(lens: Lens, part: str) -> list[Contradiction]:
@@ -142,7 +142,7 @@ def _sensitivity_contradictions(sensor: Sensor, stated: float | None) -> list[Co
         return []
     noise = math.hypot(dark, 0.0 if sensor.system_gain is None else 1.0 / (math.sqrt(12.0) * sensor.system_gain))
     implied = (math.hypot(noise, 0.5) + 0.5) / efficiency, (noise + 0.5) / efficiency
-    if any(math.isclose(stated, one, rel_tol=PRINTED_TOLERANCE) for one in implied):
+    if any(math.isclose(stated, threshold, rel_tol=PRINTED_TOLERANCE) for threshold in implied):
         return []
     return [
         Contradiction(

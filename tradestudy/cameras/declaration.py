@@ -120,7 +120,7 @@ class LensPart(Part):
         """As for every part, but `across` is an assumption only with a field of view, f_number only if it is used."""
         unused = [("across",)] if self.field_of_view is None else []
         unused += [("f_number",)] if self.entrance_pupil_diameter is not None else []
-        yield from (one for one in super().assumed() if one[0] not in unused)
+        yield from (assumption for assumption in super().assumed() if assumption[0] not in unused)
 
     def lens(self, sensor: Sensor) -> Lens:
         """The lens in SI, with its focal length as given or from the field of view on a sensor."""
@@ -233,8 +233,8 @@ class CalibratedCameraPart(Part):
 
     def values(self, free: tuple[str, ...]) -> tuple[float, ...]:
         """Focal lengths and principal point [px], then the free coefficients of the lens model."""
-        known = self.lens_model().coefficients()
-        return (*self.focal_length, *self.principal_point, *(known[name] for name in free))
+        coefficients = self.lens_model().coefficients()
+        return (*self.focal_length, *self.principal_point, *(coefficients[name] for name in free))
 
     @property
     def calibrated(self) -> CalibratedCamera:

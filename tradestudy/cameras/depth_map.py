@@ -144,7 +144,7 @@ class DepthReader(ABC):
         """
         return {}
 
-    def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - used only by kinds that make some
+    def made_of(self, pictures: Mapping[str, FlatPicture], depth_map: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - used only by kinds that make some
         """Brightness of pictures computed from the camera's pictures and depth, by name; NaN where there is none.
 
         ``middle`` is the distance of the middle of the scene [m]; pictures can be refocused there.

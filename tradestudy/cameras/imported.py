@@ -269,10 +269,10 @@ def camera_stated(where: tuple[str, ...], camera: ImportedCamera) -> Iterator[St
 
 def conventions_stated(conventions: tuple[Convention, ...], prefix: str = "") -> Iterator[Stated]:
     """The conventions by which a file was read, for the register of assumptions."""
-    for one in conventions:
+    for convention in conventions:
         yield Stated(
-            path=("read_as", f"{prefix}{one.name}"),
-            value=one.says,
-            key=one.key,
-            basis="assumed" if one.is_assumed else "derived",
+            path=("read_as", f"{prefix}{convention.name}"),
+            value=convention.says,
+            key=convention.key,
+            basis="assumed" if convention.is_assumed else "derived",
         )

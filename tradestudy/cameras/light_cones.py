@@ -128,7 +128,7 @@ AT_ORIGIN: Final = Pose()
 
 def pose_of(centre: FloatArray, rotation: FloatArray) -> Pose:
     """A pose from arrays of shape (3,) and (3, 3)."""
-    x, y, z = (float(one) for one in centre)
+    x, y, z = (float(coordinate) for coordinate in centre)
     a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in rotation)
     return Pose(centre=(x, y, z), rotation=(a, b, c))
 

@@ -45,6 +45,7 @@ def _distortion(errors: Errors) -> Rational:
         return _UNDISTORTED
     values = {name: value_of(errors, f"distortion_{name}") for name in present}
     if any(value.ndim for value in values.values()):
+        # Arrays cannot be keys of the cache.
         return Rational(**values)
     return _kept(**{name: float(value) for name, value in values.items()})
 
@@ -147,6 +148,8 @@ class ArrayGeometry:
         """The position where the ray from a point [m] through the centre of the pupil meets the array."""
         slopes = _distortion(errors).image(x, y, np.asarray(z, dtype=np.float64) + self.entrance_pupil)
         distance, fall = self.mla_distance + value_of(errors, "mla_distance"), np.ones(())
+        # The array lies at z₀ + tilt x, and the ray at x = t slope with t = g z − e, so that t (1 − g tilt slope) = g
+        # z₀ − e.
         for slope, axis in zip(slopes, "xy", strict=True):
             if f"array_tilt_{axis}" in errors:  # a shortcut, as for distortion
                 tilt = value_of(errors, f"array_tilt_{axis}")
@@ -365,6 +368,8 @@ class MicrolensExposure:
             self.geometry.pupil_distance(self.errors, z)
         )
         over = narrower * self.geometry.pupil_ratio
+        # Where rays through the centre of the pupil pass an array without tilt; the nearest microlens is the first of
+        # each pixel.
         near = (place + self._axis * over) / (1.0 + over)
         first, second = np.rint(np.linalg.inv(self._basis) @ near).astype(np.intp)
         steps = self._steps_within(self._reach(over, narrower, beyond) + _FARTHEST)
@@ -427,6 +432,7 @@ class MicrolensExposure:
         s = place - self._axis
         array = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
         gap, z = array.gap, array.distance
+        # This difference changes by 1 or 2 from a microlens to each of its six neighbours.
         types = (first - second) % 3 if self.microlenses.types == 3 else np.zeros_like(first)
         bend = 1.0 / gap - 1.0 / np.asarray(self.microlenses.focal_lengths)[types]
         g, e = self.geometry.pupil_ratio, self.geometry.entrance_pupil
@@ -446,6 +452,8 @@ class MicrolensExposure:
         on_lens = centre + z * slope
         seen = on_lens / f - slope
         if (lens := _distortion(self.errors)) is not _UNDISTORTED:
+            # Distortion acts on the ray from the same point at the reference distance through the centre of the
+            # entrance pupil.
             farther = 1.0 + e / self.reference_distance
             chief = (seen - on_lens / self.reference_distance) / farther
             seen = seen + (np.stack(lens.ray(chief[0], chief[1])[:2]) - chief) * farther

@@ -90,8 +90,8 @@ class MicrolensGrid:
         """Index of the lenses with these numbers along both directions; −1 for none."""
         i, j = first - self.low[0], second - self.low[1]
         rows, columns = self.index.shape
-        there = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-        return np.where(there, self.index[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)], -1)
+        inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+        return np.where(inside, self.index[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)], -1)
 
 
 def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
@@ -103,6 +103,7 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
         grid.ravel()
         for grid in np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1), indexing="ij")
     )
+    # In pixels, whose centres lie at whole numbers.
     middle = np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
     over = float(geometry.image_spread({}))
     centre = exposure.centres(first, second)
@@ -111,8 +112,8 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
     zero = np.zeros((2, 1))
     array_middle = middle + exposure.offset / sensor.pixel_pitch
     radius = array.pitch * (1.0 + over) / 2.0 / sensor.pixel_pitch
-    there = np.all((seen > -radius) & (seen < 2.0 * middle + radius), axis=0)
-    first, second = first[there], second[there]
+    lit = np.all((seen > -radius) & (seen < 2.0 * middle + radius), axis=0)
+    first, second = first[lit], second[lit]
     low = (int(first.min()), int(second.min()))
     index = np.full((int(np.ptp(first)) + 1, int(np.ptp(second)) + 1), -1, np.intp)
     index[first - low[0], second - low[1]] = np.arange(first.size)
@@ -120,13 +121,13 @@ def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
     return MicrolensGrid(
         first=first,
         second=second,
-        centre=on_array[:, there] + array_middle,
-        image_centre=seen[:, there],
+        centre=on_array[:, lit] + array_middle,
+        image_centre=seen[:, lit],
         pixel_pitch=sensor.pixel_pitch,
         sensor_middle=middle,
         middle=array_middle,
         image_middle=middle + exposure.image_centres(zero) / sensor.pixel_pitch,
-        gap=np.broadcast_to(exposure.place_of(centre).gap, there.shape)[there],
+        gap=np.broadcast_to(exposure.place_of(centre).gap, lit.shape)[lit],
         radius=radius,
         index=index,
         low=low,
@@ -178,10 +179,10 @@ def with_correlated_noise(gradient: Samples, window: int) -> Samples:
     from scipy.ndimage import correlate1d
 
     kernel = np.array([1.0, 12.0, 38.0, 12.0, 1.0]) / 64.0 * (1.0 - np.abs(np.arange(-2, 3)) / window)
-    found = np.nan_to_num(gradient)
+    convolved = np.nan_to_num(gradient)
     for axis in (-2, -1):
-        found = correlate1d(found, kernel, axis=axis, mode="constant")
-    return np.asarray(found)
+        convolved = correlate1d(convolved, kernel, axis=axis, mode="constant")
+    return np.asarray(convolved)
 
 
 def moved(source: Samples, lenses: Indices, place: Samples, side: int) -> Samples:
@@ -207,10 +208,10 @@ def _weighted(near: Samples, across: Samples, down: Samples, first: int) -> Samp
     columns = np.zeros((len(near), near.shape[1], side), near.dtype)
     for k in range(n):
         columns += across[:, k, np.newaxis, np.newaxis] * near[:, :, first + k : first + k + side]
-    found = np.zeros((len(near), side, side), near.dtype)
+    sums = np.zeros((len(near), side, side), near.dtype)
     for k in range(n):
-        found += down[:, k, np.newaxis, np.newaxis] * columns[:, first + k : first + k + side]
-    return found
+        sums += down[:, k, np.newaxis, np.newaxis] * columns[:, first + k : first + k + side]
+    return sums
 
 
 def sampled(picture: Samples, place: Samples) -> Samples:

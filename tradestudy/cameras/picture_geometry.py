@@ -77,8 +77,8 @@ class MatchedPairs:
         area = np.square(np.minimum(self.largest_px, np.asarray(asked_px, dtype=np.float64)))
         information = self.weight * area
         whole = np.sum(information, axis=0)
-        known = np.where(whole > 0.0, whole, 1.0)
-        apart = np.sqrt(np.sum(information * np.square(self.apart_px), axis=0) / known)
+        divisor = np.where(whole > 0.0, whole, 1.0)
+        apart = np.sqrt(np.sum(information * np.square(self.apart_px), axis=0) / divisor)
         return MatchedWindow(side_px=np.sqrt(whole), apart_px=apart)
 
 
@@ -260,5 +260,5 @@ class PictureGeometry:
 
 def column(values: FloatArray) -> FloatArray:
     """Values over distance as a column that broadcasts with a row of frequencies; one number if all are equal."""
-    found = values[:, np.newaxis]
-    return found[:1] if values.size and np.all(values == values[0]) else found
+    as_column = values[:, np.newaxis]
+    return as_column[:1] if values.size and np.all(values == values[0]) else as_column

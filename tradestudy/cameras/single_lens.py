@@ -20,7 +20,7 @@ from tradestudy.units import ANGLE
 
 def edge_angle(lens: LensModel, across: float, down: float) -> float:
     """Angle from the axis [rad] of normalised image coordinates; at most the valid field of the lens."""
-    x, y, z = (float(one) for one in lens.ray(across, down))
+    x, y, z = (float(component) for component in lens.ray(across, down))
     return float(lens.valid_field) if math.isnan(x) else math.atan2(math.hypot(x, y), z)
 
 
@@ -82,9 +82,9 @@ def properties_of_lens(lens: LensModel, what: str) -> Properties:
     """Name, nonzero coefficients and valid field of a lens model; nothing for a pinhole."""
     if lens == IDEAL:
         return ()
-    given = ", ".join(f"{name} {value:g}" for name, value in lens.coefficients().items() if value)
+    coefficients = ", ".join(f"{name} {value:g}" for name, value in lens.coefficients().items() if value)
     return (
-        (what, f"{lens.name} ({given})"),
+        (what, f"{lens.name} ({coefficients})"),
         (f"valid field of the {what}, from the axis", DerivedValue(float(lens.valid_field), ANGLE)),
     )
 

@@ -102,13 +102,13 @@ def entry_of(source: str) -> Entry:
     StudyError
         The file is no camera, or one of its modes is none.
     """
-    name = source.removeprefix(PREFIX)
-    if name == source and not Path(source).is_file():
+    entry_name = source.removeprefix(PREFIX)
+    if entry_name == source and not Path(source).is_file():
         close = nearest(source, entry_names()) or "ENTRY"
         raise OutOfRangeError(
             "there is no such camera file", value=source, remedy=f"catalogue/{close} names a camera of the catalogue"
         )
-    modes = _modes(Path(source) if name == source else entry_path(name))
+    modes = _modes(Path(source) if entry_name == source else entry_path(entry_name))
     quoted = source.replace("'", "''")
     cameras = [
         f"  m{number}: {{from: '{quoted}'{f', mode: {tree.scalar_text(mode)!r}' if mode else ''}}}"

@@ -244,9 +244,9 @@ class StudyDefinition:
             raise StudyError([replace(problem, file="--tolerance") for problem in kept]) from None
         return definition
 
-    def entries_of_reading(self, name: str) -> dict[str, Entry]:
+    def entries_of_reading(self, reading: str) -> dict[str, Entry]:
         """Entries that a reading sets, by path."""
-        values = self.document.entry(("readings", name, "set"))
+        values = self.document.entry(("readings", reading, "set"))
         assert isinstance(values, MappingEntry)  # as validated
         return {path: member.entry for path, member in values.members.items()}
 
@@ -335,35 +335,37 @@ def _picture_law(scene: ScenePart | None, part: DepthCameraDeclaration) -> Pictu
     )
 
 
-def _mistakes_of_calibration(document: Document, name: str, part: CameraDeclaration, design: Camera) -> list[MistakeAt]:
+def _mistakes_of_calibration(
+    document: Document, camera: str, part: CameraDeclaration, design: Camera
+) -> list[MistakeAt]:
     """Mistakes in the files that a camera's calibration names."""
     if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
         return []
-    mistakes = mistakes_of_files(part.calibration, calibration_folder(document, name))
+    mistakes = mistakes_of_files(part.calibration, calibration_folder(document, camera))
     if part.calibration.posterior is not None:
         try:
-            saved = saved_posterior(document, name, part.calibration.posterior.file, design)
+            saved = saved_posterior(document, camera, part.calibration.posterior.file, design)
             mistakes += given_twice(part.calibration, saved)
         except TradestudyError as error:
             mistakes.append(MistakeAt(("posterior", "file"), str(error)))
     return [MistakeAt(("calibration", *mistake.tail), mistake.what) for mistake in mistakes]
 
 
-def saved_posterior(document: Document, name: str, file: str, design: DepthCamera) -> Calibration:
+def saved_posterior(document: Document, camera: str, file: str, design: DepthCamera) -> Calibration:
     """The calibration of a camera that an earlier run saved to a file."""
     from tradestudy.calibration.posterior_file import posterior_of_file  # it loads scipy, which `check` seldom needs
 
-    return posterior_of_file(calibration_folder(document, name) / file, name, design)
+    return posterior_of_file(calibration_folder(document, camera) / file, camera, design)
 
 
-def calibration_folder(document: Document, name: str) -> Path:
+def calibration_folder(document: Document, camera: str) -> Path:
     """Folder of a camera's calibration files: that of the file in which the first of them is named."""
-    return document.folder_of(next(iter(_calibration_files(document, name)), ("cameras", name, "calibration")))
+    return document.folder_of(next(iter(_calibration_files(document, camera)), ("cameras", camera, "calibration")))
 
 
-def _calibration_files(document: Document, name: str) -> dict[tuple[str | int, ...], str]:
+def _calibration_files(document: Document, camera: str) -> dict[tuple[str | int, ...], str]:
     """Files named by the calibration of a camera, by the paths of their names."""
-    above = ("cameras", name, "calibration")
+    above = ("cameras", camera, "calibration")
     calibration = document.entry(above)
     return {
         path: entry.value
@@ -372,7 +374,7 @@ def _calibration_files(document: Document, name: str) -> dict[tuple[str | int, .
     }
 
 
-def _posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:
+def _posterior_key(camera: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:
     """Key of a camera's posterior, identical for all posteriors inferred from the same inputs in the same way."""
-    inputs = (name, str(seed), str(folder), part.model_dump_json(exclude=_NOT_CALIBRATED))
+    inputs = (camera, str(seed), str(folder), part.model_dump_json(exclude=_NOT_CALIBRATED))
     return sha256("\n".join(inputs).encode()).hexdigest()

@@ -324,6 +324,7 @@ class Document:
         """Cameras that have what ``after`` changes by being like the camera at the changed path, not by themselves."""
         if len(changed) < 3 or changed[0] != "cameras":
             return ()
+        # Merging shares entries, so that a camera that inherits a value has the same object.
         new = after.entry(changed)
         ends = [
             path

@@ -230,12 +230,12 @@ def _problems_of_changes(study: PreparedStudy) -> Iterator[Problem]:
         except StudyError as error:
             yield from (place.problem(at, f"{problem.path}: {problem.what}") for problem in error.problems)
             continue
-        for name, _ in keys.items() - changed.definition.posterior_keys.items() if at[0] != "sweep" else ():
+        for camera, _ in keys.items() - changed.definition.posterior_keys.items() if at[0] != "sweep" else ():
             # Inverse questions can plan a calibration by a target; corners are already measured.
-            part = changed.file.cameras[name]
+            part = changed.file.cameras[camera]
             is_planned = isinstance(part, DepthCameraDeclaration) and part.calibration.target is not None
             if not (at[0] == "solve" and is_planned):
-                yield place.problem(at, _INFERRED_ANEW.format(name))
+                yield place.problem(at, _INFERRED_ANEW.format(camera))
 
 
 def _varied(study: PreparedStudy) -> Iterator[tuple[tuple[str, ...], SolvePart | AssumptionPart]]:

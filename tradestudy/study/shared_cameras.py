@@ -319,21 +319,21 @@ class SharedCameras:
 
     def path_of(self, file: str, place: Place) -> Path:
         """The file that the key ``from`` names: beside the study, or an entry of the catalogue."""
-        path, name = self.folder / file, file.removeprefix(PREFIX)
-        if name == file:
+        path, entry = self.folder / file, file.removeprefix(PREFIX)
+        if entry == file:
             return path
         is_file = False
         with suppress(OSError):  # the operating system does not allow this name
             is_file = path.exists()
         if is_file:
-            if name in entry_names():
+            if entry in entry_names():
                 what = f"both a file and an entry of the catalogue are called '{file}'; for the file, write ./{file}"
                 raise CameraFileError(place.problem(("from",), what))
             return path
-        if name not in entry_names():
-            what = f"the catalogue has no '{name}'{nearest_name(name, entry_names())}; `cameras` lists its entries"
+        if entry not in entry_names():
+            what = f"the catalogue has no '{entry}'{nearest_name(entry, entry_names())}; `cameras` lists its entries"
             raise CameraFileError(place.problem(("from",), what))
-        return entry_path(name)
+        return entry_path(entry)
 
     def like_camera(self, name: str, other: str, place: Place, chain: tuple[str, ...]) -> Entry | None:
         """The assembled camera that another is like."""

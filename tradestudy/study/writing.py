@@ -31,8 +31,8 @@ def options(document: Document, tolerance: str | None) -> tuple[str, ...]:
     """
     values = {dotted(changed.path): document.entry(changed.path) for changed in document.overrides}
     texts = (f"{path}={'null' if entry is None else _on_one_line(entry)}" for path, entry in values.items())
-    given = [part for text in texts for part in ("--set", text)]
-    return (*given, *(() if tolerance is None else ("--tolerance", tolerance)))
+    settings = [part for text in texts for part in ("--set", text)]
+    return (*settings, *(() if tolerance is None else ("--tolerance", tolerance)))
 
 
 def yaml_of(entry: MappingEntry) -> str:
@@ -64,13 +64,13 @@ def _on_one_line(entry: Entry) -> str:
 
 def _beside(said: Mapping[str, str | dict[str, str]]) -> str:
     """The keys beside a value, each after a comma."""
-    return "".join(
-        f", {key}: {_text(one) if isinstance(one, str) else '{' + _beside(one)[2:] + '}'}" for key, one in said.items()
-    )
+    shown = {key: _text(part) if isinstance(part, str) else f"{{{_beside(part)[2:]}}}" for key, part in said.items()}
+    return "".join(f", {key}: {text}" for key, text in shown.items())
 
 
 def _text(text: str) -> str:
     """Text in quotes if YAML would read it as something else without them."""
     if _PLAIN.fullmatch(text) and isinstance(scalar_of(text), str):
         return text
-    return "".join(one if one.isprintable() else f"\\U{ord(one):08x}" for one in json.dumps(text, ensure_ascii=False))
+    quoted = json.dumps(text, ensure_ascii=False)
+    return "".join(letter if letter.isprintable() else f"\\U{ord(letter):08x}" for letter in quoted)

@@ -119,12 +119,12 @@ class ConventionalDeclaration(CameraDeclaration):
             )
         if self.focus.reference is not None and self.lens.housing_front is not None:
             raise MistakeAt(("focus", "reference"), "housing_front of the lens says where its front is; remove this")
-        given = [name for name in ("focal_length", "field_of_view") if getattr(self.lens, name) is not None]
-        if self.geometry is None and not given:
+        given_keys = [key for key in ("focal_length", "field_of_view") if getattr(self.lens, key) is not None]
+        if self.geometry is None and not given_keys:
             raise MistakeAt(("lens",), "give exactly one of focal_length and field_of_view")
-        if self.geometry is not None and given:
+        if self.geometry is not None and given_keys:
             raise MistakeAt(
-                ("lens", given[0]),
+                ("lens", given_keys[0]),
                 "the calibrated geometry determines it; remove it, or remove the geometry (geometry: null)",
             )
         if self.geometry is not None and self.focus.stack is not None:

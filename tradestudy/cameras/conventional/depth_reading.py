@@ -81,8 +81,10 @@ class FocusStackReader(DepthReader):
         signal, level = (np.take_along_axis(values, three, axis=0) for values in (signals, noise))
         at = inverse[three]
         present = np.maximum(signal, 0.0)
+        # The energy (g + n)² of a gradient g with noise n scatters by n² and by 2 g n.
         spread = np.sqrt(_NOISE_SPREAD * np.square(level) + 2.0 * level * present) / window
         certain = (signal[1] > _CERTAIN * spread[1]) & np.all(signal > 0.0, axis=0)
+        # Uncertain energies may have no logarithm.
         present = np.where(certain, signal, 1.0)
         peak, curvature, slopes = _vertex(at, np.log(present))
         error = np.sqrt(np.sum(np.square(slopes * spread / present), axis=0))

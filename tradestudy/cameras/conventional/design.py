@@ -135,6 +135,7 @@ class ImageStackFocus:
             focus = np.array([max(far, self.near)])
         else:
             stretch = math.log(far / self.near)
+            # Rounding must not add an image.
             needed = math.ceil(stretch / (2.0 * math.atanh(share)) * (1.0 - 1e-12))
             count = min(max(1, needed), self.most_images)
             middles = self.near * np.exp((np.arange(count) + 0.5) * (stretch / count))
@@ -162,10 +163,10 @@ class ImageStackFocus:
         """Resolution of the best image at each distance, of the stack planned for one pixel of blur [m]."""
         images = [image.lateral_resolution(distance, wavelength) for image in self._sharpest]
         # Images whose diffraction is the same differ in sample and blur, so the best has the smaller of those.
-        best = np.argmin([np.maximum(one.sampling, one.blur) for one in images], axis=0)[np.newaxis]
+        best = np.argmin([np.maximum(image.sampling, image.blur) for image in images], axis=0)[np.newaxis]
         return LateralResolution(
             **{
-                part: np.take_along_axis(np.stack([getattr(one, part) for one in images]), best, axis=0)[0]
+                part: np.take_along_axis(np.stack([getattr(image, part) for image in images]), best, axis=0)[0]
                 for part in ("sampling", "blur", "diffraction")
             }
         )
@@ -367,15 +368,15 @@ class ConventionalCamera(Camera):
 
         Data sheets seldom state their blur criterion, so the message gives the implied one.
         """
-        found = lens_contradictions(self.lens, self.sensor, stated, self.fields_of_view)
+        contradictions = lens_contradictions(self.lens, self.sensor, stated, self.fields_of_view)
         if stated is None or stated.depth_of_field is None:
-            return found
+            return contradictions
         one_pixel = BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6)  # λ does not enter
         extent = self.single_image.sharp_range(one_pixel).extent
         if math.isclose(stated.depth_of_field, extent, rel_tol=_DEPTH_OF_FIELD_TOLERANCE):
-            return found
+            return contradictions
         return [
-            *found,
+            *contradictions,
             Contradiction(
                 what="depth of field against lens and sensor",
                 stated=show(stated.depth_of_field, LENGTH),

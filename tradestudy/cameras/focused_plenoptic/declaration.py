@@ -198,32 +198,33 @@ class FocusedPlenopticDeclaration(PlenopticDeclaration):
             yield from imported.stated("focused-plenoptic")
             return
         assert isinstance(imported, ImportedPlenoptic)
-        one, keys = imported, imported.keys
+        camera, keys = imported, imported.keys
+        focal_lengths = [f"{f!r} m" for f in camera.focal_lengths]
         values: dict[tuple[str, ...], tuple[Value, str]] = {
-            ("main_lens", "focal_length"): (f"{one.focal_length!r} m", "focal_length"),
-            ("main_lens", "f_number"): (one.f_number, "f_number"),
-            ("sensor", "pixels"): (list(one.pixels), "pixels"),
-            ("sensor", "pixel_pitch"): (f"{one.pixel_pitch!r} m", "pixel_pitch"),
-            ("microlenses", "layout"): (one.layout, "layout"),
-            ("microlenses", "pitch"): (f"{one.pitch!r} m", "pitch"),
-            ("microlenses", "gap"): (f"{one.gap!r} m", "gap"),
-            ("microlenses", "types"): (len(one.focal_lengths) or 1, "focal_lengths"),
-            ("microlenses", "focal_lengths"): ([f"{f!r} m" for f in one.focal_lengths] or "pinhole", "focal_lengths"),
-            ("focus", "mla_distance"): (f"{one.mla_distance!r} m", "mla_distance"),
+            ("main_lens", "focal_length"): (f"{camera.focal_length!r} m", "focal_length"),
+            ("main_lens", "f_number"): (camera.f_number, "f_number"),
+            ("sensor", "pixels"): (list(camera.pixels), "pixels"),
+            ("sensor", "pixel_pitch"): (f"{camera.pixel_pitch!r} m", "pixel_pitch"),
+            ("microlenses", "layout"): (camera.layout, "layout"),
+            ("microlenses", "pitch"): (f"{camera.pitch!r} m", "pitch"),
+            ("microlenses", "gap"): (f"{camera.gap!r} m", "gap"),
+            ("microlenses", "types"): (len(camera.focal_lengths) or 1, "focal_lengths"),
+            ("microlenses", "focal_lengths"): (focal_lengths or "pinhole", "focal_lengths"),
+            ("focus", "mla_distance"): (f"{camera.mla_distance!r} m", "mla_distance"),
         }
-        if one.scaling is not None:
-            quadratic, linear, offset = one.scaling
+        if camera.scaling is not None:
+            quadratic, linear, offset = camera.scaling
             values |= {
                 ("depth", "scaling", "quadratic"): (f"{quadratic!r} 1/m", "scaling"),
                 ("depth", "scaling", "linear"): (linear, "scaling"),
                 ("depth", "scaling", "offset"): (f"{offset!r} m", "scaling"),
             }
-        for name, known in one.known.items():
-            written = f"{known!r} {PLENOPTIC_ERRORS[name].unit}".removesuffix(" 1")
+        for name, number in camera.known.items():
+            written = f"{number!r} {PLENOPTIC_ERRORS[name].unit}".removesuffix(" 1")
             values["calibration", "known", name] = (written, "distortion" if "distortion" in name else "known")
         yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
-        for path, (value, name) in values.items():
-            yield Stated(path=path, value=value, key=keys[name])
+        for path, (value, origin) in values.items():
+            yield Stated(path=path, value=value, key=keys[origin])
         yield from (*asked_of_depth(keys["mla_distance"]), *conventions_stated(imported.conventions))
 
     def design(self, picture_law: DisparityErrorLaw | None) -> FocusedPlenoptic:

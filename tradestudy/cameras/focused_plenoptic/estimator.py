@@ -94,7 +94,7 @@ def pairs_of(
         length = np.full((1, radius.size), neighbour_distance(estimator, array) / array.pitch)
         return PairLengths(over_pitch=length, share=np.ones_like(length))
     baseline, whole = (
-        np.nan_to_num(effective_baseline(estimator, lenses, array, one)) for one in (radius, radius_over_pitch)
+        np.nan_to_num(effective_baseline(estimator, lenses, array, reach)) for reach in (radius, radius_over_pitch)
     )
     kept = np.square(baseline / np.where(whole > 0.0, whole, 1.0))
     if estimator == "widest-pair":

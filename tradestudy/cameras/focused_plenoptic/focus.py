@@ -87,6 +87,7 @@ class DepthScaling:
                 limit=f"below {c - b * b / (4.0 * a):g} m, where 2 a Z + b is zero",
                 remedy="reduce the distances, or use a scaling that was calibrated for them",
             )
+        # This form of the root stays accurate for a small a, and holds for a = 0.
         return np.asarray(np.where(np.isfinite(m), 2.0 * beyond_c / (b + np.sqrt(square)), m))
 
     def metric(self, modelled: ArrayLike) -> FloatArray:
@@ -114,8 +115,8 @@ class DepthScaling:
         least = 1.0 / self.farthest
         w = np.where(inverse > least, inverse, np.nan)
         below = self.quadratic + self.linear * w + self.offset * np.square(w)
-        found = np.where(below > 0.0, np.square(w) / np.where(below > 0.0, below, 1.0), np.nan)
-        return np.asarray(np.where(inverse <= least, (inverse - least) / self.linear, found))
+        inverse_metric = np.where(below > 0.0, np.square(w) / np.where(below > 0.0, below, 1.0), np.nan)
+        return np.asarray(np.where(inverse <= least, (inverse - least) / self.linear, inverse_metric))
 
 
 NO_SCALING: Final = DepthScaling()
@@ -188,9 +189,9 @@ class MicrolensTypesFocus:
             )
             for inverse, keplerian in zip(self._inverse_focus, self.keplerian, strict=True)
         ]
-        found = sharp_range(self.names, parts, allowance.reason)
-        near, far = (self.depth_scaling.metric(end) for end in (found.slices.near, found.slices.far))
-        return replace(found, slices=replace(found.slices, near=near, far=far))
+        sharp = sharp_range(self.names, parts, allowance.reason)
+        near, far = (self.depth_scaling.metric(end) for end in (sharp.slices.near, sharp.slices.far))
+        return replace(sharp, slices=replace(sharp.slices, near=near, far=far))
 
     def sharp_range_at_resolution(self, resolution: float, wavelength: float) -> SharpRange:
         """See `focused_plenoptic_depth_of_field_at_resolution`.
@@ -254,7 +255,7 @@ class MicrolensTypesFocus:
             )
             for inverse in self._inverse_focus
         ]
-        blur = np.min([one.blur for one in types], axis=0)  # the only part in which types differ
+        blur = np.min([resolution.blur for resolution in types], axis=0)  # the only part in which types differ
         sampling, diffraction = types[0].sampling, types[0].diffraction
         return LateralResolution(
             sampling=np.where(real, sampling * wider, np.nan),

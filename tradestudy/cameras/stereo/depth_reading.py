@@ -109,6 +109,7 @@ def _offsets(left: Samples, right: Samples, steps: range, library: Any) -> tuple
     for row in _middles(rows, high):
         for column in _middles(columns, wide):
             patch = np.s_[row - wide : row + wide + 1, column - wide : column + wide + 1]
+            # The part of the right picture in which the patch can lie.
             start = max(column - steps[-1] - wide, 0)
             strip = np.s_[row - high : row + high + 1, start : min(column - steps[0] + wide + 1, columns)]
             if second[strip].shape[1] <= 2 * wide + 2 or not (lit[0][patch].all() and lit[1][strip].all()):
@@ -277,7 +278,7 @@ class PairReader(DepthReader):
             self._parallel(
                 self._matched(np.where(pictures[side].pure, pictures[side].variance, np.nan), side, power=2),
                 side,
-                order=1,
+                order=1,  # splines of order 3 could make variances negative
             )
             for side in SIDES
         ]

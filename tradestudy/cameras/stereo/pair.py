@@ -145,6 +145,7 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
     from_left = inverse_depth_on_ray(
         left[0] / left[2], 1.0, slope, -2.0 * half * direction[0], -2.0 * half * direction[2]
     )
+    # From the centre of the left camera to the middle of the baseline.
     inverse = from_left / (1.0 - from_left * (half * direction[2]))
     return np.where((left[2] <= 0.0) | (right[2] <= 0.0), 0.0, inverse), valid
 

@@ -58,7 +58,9 @@ class UnfocusedMicrolensesPart(Part):
 
     def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
         """As for every part, except an aperture that the f-number gives."""
-        yield from (one for one in super().assumed() if self.f_number is None or one[0] != ("aperture_diameter",))
+        for path, value in super().assumed():
+            if self.f_number is None or path != ("aperture_diameter",):
+                yield path, value
 
 
 class UnfocusedFocusPart(Part):

@@ -165,6 +165,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         """
         pixel = self.sensor.pixel_pitch
         across = round(self.microlenses.pitch / pixel)
+        # Rounding must not exclude a pixel on the rim.
         reach = self._micro_image_used / 2.0 * (1.0 + 1e-12)
         line = (np.arange(across) - (across - 1) / 2.0) * pixel
         x, y = np.meshgrid(line, line)
@@ -176,6 +177,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def views_across(self) -> int:
         """Number of views in a row through the middle of the pupil."""
         positions = self.view_positions
+        # Rounded, because equal positions may differ in their last digits.
         return len(np.unique(np.round(positions[:, 0] / self.view_pupil_diameter, 6))) if len(positions) else 0
 
     @property
@@ -235,16 +237,16 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
         """``1/a = 1/a₀ + d/(Δu c)`` [m], from the pupil; infinite at and beyond the disparity of infinity."""
         reach = self.estimator_baseline * self.principal_distance
-        found = depth_of_inverse(1.0 / self.from_pupil(self.focus_distance) + np.asarray(disparity) / reach)
-        return np.asarray(found - self.main_lens.entrance_pupil)
+        depth = depth_of_inverse(1.0 / self.from_pupil(self.focus_distance) + np.asarray(disparity) / reach)
+        return np.asarray(depth - self.main_lens.entrance_pupil)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline ``Δu c/f`` [m] of the equally precise stereo rig with this focal length and disparity error.
 
         The rig stands where distances count from, by ``(Z/a)²`` farther from the object than the pupil.
         """
-        there = np.asarray(distance, dtype=np.float64)
-        nearer = np.where(np.isinf(there), 1.0, there / self.from_pupil(there))
+        z = np.asarray(distance, dtype=np.float64)
+        nearer = np.where(np.isinf(z), 1.0, z / self.from_pupil(z))
         return np.asarray(
             self.estimator_baseline * self.principal_distance / self.main_lens.focal_length * np.square(nearer)
         )
@@ -344,6 +346,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         d = shift * turned + disparity_error(errors)
         pupil = geometry.pupil_distance(errors, place.distance)
         opening = self.pixels_apart / place.gap - _over_pupil_distance(d, errors, place)
+        # Finite also for an image at infinity, where the opening is 0.
         image_times_opening = place.flat_distance * opening + place.stretch * d
         meet = ~(image_times_opening <= 0.0)
         image_times_opening = np.where(meet, image_times_opening, np.nan)

@@ -76,7 +76,7 @@ def _pose(value: Located) -> FloatArray:
     moved, turned = (
         [value.need(f"{kind}{axis}").number() for axis in axes] for kind, axes in (("p", "xyz"), ("q", "xyzw"))
     )
-    if abs(sum(one**2 for one in turned) - 1.0) > _UNIT_QUATERNION:
+    if abs(sum(component**2 for component in turned) - 1.0) > _UNIT_QUATERNION:
         raise value.fail("qx, qy, qz and qw are not a rotation: their squares must add to 1")
     return transform_of(Rotation.from_quat(turned).as_matrix(), moved)
 

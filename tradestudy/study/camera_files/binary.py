@@ -85,11 +85,11 @@ def _entry(value: Any, place: Place, depth: int) -> Entry:
     if depth > DEEPEST:
         raise _ObjectsError(f"values are nested more than {DEEPEST} levels deep")
     if isinstance(value, dict):
-        members = {str(key): Member(place, _entry(one, place, depth + 1)) for key, one in value.items()}
+        members = {str(key): Member(place, _entry(item, place, depth + 1)) for key, item in value.items()}
         return MappingEntry(place=place, members=members)
     value = value.tolist() if isinstance(value, np.ndarray | np.generic) and np.size(value) <= _MOST_SHOWN else value
     if isinstance(value, list):
-        return ListEntry(place=place, items=tuple(_entry(one, place, depth + 1) for one in value))
+        return ListEntry(place=place, items=tuple(_entry(item, place, depth + 1) for item in value))
     if not isinstance(value, str | int | float | bool):
         return ScalarEntry(place=place, value=None if value is None else "", text=f"{type(value).__name__}")
     return ScalarEntry(place=place, value=value, text=scalar_text(value))

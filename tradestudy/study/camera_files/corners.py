@@ -54,12 +54,13 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if (noise := fit.explained.noise_px) > _MOST_USUAL_NOISE_PX:
         says = f"{significant(noise, 2)} px, by a fit of the lens model {fitted_words(request.fitted_lens)}"
         unusual = (*unusual, Convention(name=UNUSUAL_NOISE, says=says, key=top.key))
-    centres = {side: own[2:4] for side, own in zip(("left", "right"), cameras_of(shared), strict=True)}
+    interiors = cameras_of(shared)
+    centres = {side: interior[2:4] for side, interior in zip(("left", "right"), interiors, strict=True)}
     if far := off_centre({side: ((float(x), float(y)), request.pixels) for side, (x, y) in centres.items()}):
         unusual = (*unusual, Convention(name=OFF_CENTRE, says=far, key=top.key))
     return ImportedCorners(
         file=files[0].name,
-        focal_length=float(np.mean([own[:2] * lens.at(own[4:]).scale_on_axis for own in cameras_of(shared)])),
+        focal_length=float(np.mean([interior[:2] * lens.at(interior[4:]).scale_on_axis for interior in interiors])),
         noise=noise,
         baseline=baseline,
         conventions=(

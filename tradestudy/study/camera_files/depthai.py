@@ -60,13 +60,13 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
 
 def _by_socket(data: Located) -> dict[str, Located]:
     """Cameras by the number of their socket."""
-    found = {}
+    cameras = {}
     for pair in data.items():
         items = tuple(pair.items())
         if len(items) != 2:
             raise pair.fail("a socket and its camera are expected")
-        found[items[0].text()] = items[1]
-    return found
+        cameras[items[0].text()] = items[1]
+    return cameras
 
 
 def _stereo_pair(top: Located, cameras: dict[str, Located]) -> tuple[str, str]:
@@ -112,10 +112,10 @@ def _chain(cameras: dict[str, Located], first: str) -> list[str]:
     sockets = [first]
     while True:
         extrinsics = cameras[sockets[-1]].find("extrinsics")
-        there = None if extrinsics is None else extrinsics.find("toCameraSocket")
-        if there is None or there.text() not in cameras or there.text() in sockets:
+        parent = None if extrinsics is None else extrinsics.find("toCameraSocket")
+        if parent is None or parent.text() not in cameras or parent.text() in sockets:
             return sockets
-        sockets.append(there.text())
+        sockets.append(parent.text())
 
 
 def _translation(extrinsics: Located, *, is_specified: bool) -> tuple[Located, str]:

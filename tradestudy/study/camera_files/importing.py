@@ -178,12 +178,10 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     CameraFileError
         The files have different formats, or invalid content.
     """
-    formats = [_format_of(file) for file in files]
+    formats = [_fitting(file)[0] for file in files]  # each was recognised by the only format that it fits
     first = formats[0]
-    assert first is not None  # they were recognised
     for format_, file in zip(formats, files, strict=True):
         if format_ is not first:
-            assert format_ is not None
             raise file.top.fail(
                 f"the files have different formats, {first.name} and {format_.name}; one format is expected"
             )
@@ -269,10 +267,6 @@ def _fitting(file: CameraFile) -> list[Format]:
     """The formats that a file fits; the first general one if it fits no other."""
     fitting = [format_ for format_ in FORMATS if format_.recognises(file)]
     return [format_ for format_ in fitting if not format_.is_general] or fitting[:1]
-
-
-def _format_of(file: CameraFile) -> Format | None:
-    return next(iter(_fitting(file)), None)
 
 
 def _signs_in(file: CameraFile, format_: Format) -> list[str]:

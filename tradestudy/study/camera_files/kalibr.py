@@ -154,11 +154,11 @@ def _between(top: Located, names: Sequence[str], pair: Sequence[str]) -> tuple[F
     low, high = sorted(pair, key=_number)
     links = names[names.index(low) : names.index(high) + 1]
     total: FloatArray = np.eye(4)
-    for previous, name in itertools.pairwise(links):
-        where = top.need(name).need(_TRANSFORM)
-        if _number(previous) != _number(name) - 1:
-            lacking = f"cam{_number(name) - 1}, which the file lacks; give the whole chain"
-            raise where.fail(f"{_TRANSFORM} of {name} leads from {lacking}")
+    for previous, current in itertools.pairwise(links):
+        where = top.need(current).need(_TRANSFORM)
+        if _number(previous) != _number(current) - 1:
+            lacking = f"cam{_number(current) - 1}, which the file lacks; give the whole chain"
+            raise where.fail(f"{_TRANSFORM} of {current} leads from {lacking}")
         total = _transform(where) @ total
     rotation, translation = total[:3, :3], total[:3, 3]
     if pair[0] == high:

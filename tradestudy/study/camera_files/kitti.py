@@ -28,14 +28,14 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing or invalid, or the two cameras are not in the file.
     """
     top = files[0].top
-    prefix = "P_rect_" if any(name.startswith("P_rect_") for name in top.names()) else "P"
-    names = [name.removeprefix(prefix) for name in top.names() if name.startswith(prefix)]
+    prefix = "P_rect_" if any(key.startswith("P_rect_") for key in top.names()) else "P"
+    names = [key.removeprefix(prefix) for key in top.names() if key.startswith(prefix)]
     first, second = pair = chosen(names, request, top)
-    lacking = [f"{key}{name}" for name in pair for key in _RAW_KEYS if not top.has(f"{key}{name}")]
+    lacking = [f"{key}{number}" for number in pair for key in _RAW_KEYS if not top.has(f"{key}{number}")]
     is_raw = request.pictures == "raw" and not lacking
-    others = other_cameras({name: top.need(f"{prefix}{name}") for name in names}, pair)
-    top.set_aside(*(f"{key}{name}" for key in (*_RAW_KEYS, *_RECTIFIED_KEYS) for name in names))
-    (left, start), (right, end) = ((_raw if is_raw else _rectified)(top, name, prefix, request) for name in pair)
+    others = other_cameras({number: top.need(f"{prefix}{number}") for number in names}, pair)
+    top.set_aside(*(f"{key}{number}" for key in (*_RAW_KEYS, *_RECTIFIED_KEYS) for number in names))
+    (left, start), (right, end) = ((_raw if is_raw else _rectified)(top, number, prefix, request) for number in pair)
     why = f"; the file has no {', '.join(lacking)}" if lacking and prefix == "P_rect_" else ""
     return rig(
         left,
@@ -54,32 +54,32 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     )
 
 
-def _raw(top: Located, name: str, _prefix: str, _request: Request) -> tuple[ImportedCamera, FloatArray]:
-    matrix, lens, turned, moved = (top.need(f"{key}{name}") for key in _RAW_KEYS[1:])
+def _raw(top: Located, number: str, _prefix: str, _request: Request) -> tuple[ImportedCamera, FloatArray]:
+    matrix, lens, turned, moved = (top.need(f"{key}{number}") for key in _RAW_KEYS[1:])
     camera = checked_camera(
-        f"camera {name}",
+        f"camera {number}",
         pinhole_of(matrix, matrix.numbers(9)),
         "rational",
         only(RADTAN, lens.numbers(5), lens),
         matrix=matrix,
         lens=lens,
-        size=top.need(f"S_{name}"),
+        size=top.need(f"S_{number}"),
         says="pinhole, k1 k2 p1 p2 k3",
     )
     return camera, transform_of(rotation_of(turned, turned.numbers(9)), moved.numbers(3))
 
 
-def _rectified(top: Located, name: str, prefix: str, request: Request) -> tuple[ImportedCamera, FloatArray]:
-    value = top.need(f"{prefix}{name}")
+def _rectified(top: Located, number: str, prefix: str, request: Request) -> tuple[ImportedCamera, FloatArray]:
+    value = top.need(f"{prefix}{number}")
     numbers = value.numbers(12)
     camera = checked_camera(
-        f"camera {name}",
+        f"camera {number}",
         pinhole_of(value, numbers),
         "rational",
         {},
         matrix=value,
         lens=value,
-        size=top.find(f"S_rect_{name}"),
+        size=top.find(f"S_rect_{number}"),
         pixels=request.pixels,
     )
     return camera, transform_of(np.eye(3), translation_of_projection(value, numbers))
@@ -91,8 +91,7 @@ FORMAT: Final = Format(
     whole="the file contains all cameras",
     signs=("K_02", "P_rect_02", "P0", "P1"),
     recognises=lambda file: (
-        file.syntax == "assignments"
-        and (file.top.has("P0", "P1") or any("P_rect_" in name for name in file.top.names()))
+        file.syntax == "assignments" and (file.top.has("P0", "P1") or any("P_rect_" in key for key in file.top.names()))
     ),
     read=read,
 )

@@ -127,7 +127,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
 
 def _scaling(value: Located, metre: float) -> tuple[float, float, float]:
     """Coefficients a, b, c of metric depth ``a Z² + b Z + c`` [1/m, 1, m]; the file's Z is in its unit of length."""
-    a, b, c = (value.need(name) for name in ("a", "b", "c"))
+    a, b, c = (value.need(key) for key in ("a", "b", "c"))
     if not b.number() > 0.0:
         raise b.fail("metric depth must grow with the depth by the camera's design; a number above 0 is expected")
     return a.number() / metre, b.number(), c.number() * metre
@@ -227,9 +227,9 @@ def _distortion(value: Located, poses: _Poses, corner: float, metre: float) -> d
     CameraFileError
         Depth distortion has another model than that of Heinze.
     """
-    parts = {name: part.numbers() for name in ("radial", "tangential", "depth") if (part := value.find(name))}
+    parts = {key: part.numbers() for key in ("radial", "tangential", "depth") if (part := value.find(key))}
     # A file may omit the last coefficients.
-    padded = {name: (*numbers, 0.0, 0.0, 0.0) for name, numbers in parts.items()}
+    padded = {key: (*numbers, 0.0, 0.0, 0.0) for key, numbers in parts.items()}
     values = {}
     z = poses.mla_distance
     # On the array, a length of the image is a slope times z.
@@ -257,8 +257,8 @@ def _distortion(value: Located, poses: _Poses, corner: float, metre: float) -> d
 
 def _compare_distances(top: Located, array: float, sensor: float) -> None:
     """Refuse distances D and d that differ by more than 1 % of the gap from those of the poses, which are read."""
-    for name, posed in (("D", array), ("d", sensor - array)):
-        value = top.find(name)
+    for key, posed in (("D", array), ("d", sensor - array)):
+        value = top.find(key)
         if value is not None and not abs(value.number() - posed) <= 0.01 * (sensor - array):
             raise value.fail(
                 f"{value.number():g} contradicts the distance by the poses of mla and sensor, {posed:g}; correct one"
@@ -284,7 +284,7 @@ def _refuse_moved_lens(lens: Located) -> None:
 def _ignored(top: Located, poses: _Poses) -> Iterator[Convention]:
     """The values of this camera that would change its pictures and are not used."""
     ignored = []
-    for inverse in [top.need(name) for name in _INVERSES if top.find(name) is not None]:
+    for inverse in [top.need(key) for key in _INVERSES if top.find(key) is not None]:
         inverse.use()
         if not top.has("distortions"):
             ignored.append(f"the distortion of the main lens, given only by its inverse, {inverse.last}")

@@ -124,10 +124,10 @@ class Located:
             Two of the keys have different values.
         """
         members = self.entry.members if isinstance(self.entry, MappingEntry) else {}
-        written = {name: members[name].entry for name in names if name in members}
+        written = {key: members[key].entry for key in names if key in members}
         values = [
-            Located(file=self.file, entry=entry, path=(*self.path, name))
-            for name, entry in written.items()
+            Located(file=self.file, entry=entry, path=(*self.path, key))
+            for key, entry in written.items()
             if not (isinstance(entry, ScalarEntry) and entry.value is None)
         ]
         for other in values[1:]:
@@ -156,13 +156,13 @@ class Located:
 
     def set_aside(self, *names: str) -> None:
         """Note that these keys, or all if none is named, are no part of a calibration if they are not used."""
-        self.file.beside.update((*self.path, name) for name in names or self.names())
+        self.file.beside.update((*self.path, key) for key in names or self.names())
 
     def use_matrix(self) -> None:
         """Note that a matrix has been used: the numbers, and how they are stored, but no other key beside them."""
-        for name in ("rows", "cols", "sizes", "dt", "data"):
-            if self.has(name):
-                self.file.used.add((*self.path, name))
+        for key in ("rows", "cols", "sizes", "dt", "data"):
+            if self.has(key):
+                self.file.used.add((*self.path, key))
 
     def items(self) -> Iterator[Located]:
         """The items of a list.
@@ -377,8 +377,8 @@ class Request:
 
 def _units_named(top: Located) -> Iterator[Located]:
     """The keys of a file, such as ``T_unit``, whose values are units of length."""
-    for name in top.names():
-        value = top.find(name) if _UNIT.fullmatch(name) else None
+    for key in top.names():
+        value = top.find(key) if _UNIT.fullmatch(key) else None
         if value is not None and isinstance(value.entry, ScalarEntry):
             with suppress(UnitError):
                 parse(f"1 {value.entry.text}", LENGTH)

@@ -107,7 +107,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:  # noqa: AR
     for level in _levels(top, frame):
         level.set_aside()
     image, devices = frame.need("image"), frame.need("devices")
-    lens, array, sensor = (devices.need(name) for name in ("lens", "mla", "sensor"))
+    lens, array, sensor = (devices.need(key) for key in ("lens", "mla", "sensor"))
     for part in (image, devices, lens, array, sensor):
         part.set_aside()
     parts = Parts(top)
@@ -204,7 +204,7 @@ def _focus(distance: float, behind: float, lens: Located) -> Convention:
 def _shift(image: Located, sensor: Located, pixels: tuple[int, int], pixel_pitch: float) -> FloatArray:
     """The middle of the whole sensor from the middle of the picture [m], which may be a crop."""
     origin = image.find("originOnSensor")
-    full = [sensor.find(name) for name in ("pixelWidth", "pixelHeight")]
+    full = [sensor.find(key) for key in ("pixelWidth", "pixelHeight")]
     if origin is None or None in full:
         return np.zeros(2)
     first = [origin.need(axis).number() for axis in "xy"]

@@ -50,7 +50,7 @@ def read(content: bytes, most: int) -> Mapping[str, Any]:
         The file is damaged, or larger than ``most`` when unpacked.
     """
     order = "<" if content[126:128] == b"IM" else ">"
-    found = {}
+    variables = {}
     for kind, data in _elements(content[_HEADER:], order):
         if kind == _COMPRESSED:
             unpacked = zlib.decompressobj().decompress(data, most + 1)
@@ -62,24 +62,26 @@ def read(content: bytes, most: int) -> Mapping[str, Any]:
             name, value = _array(data, order, 0)
             if not name:
                 raise UnreadArrayError("a variable without a name")
-            found[name] = value
-    if not found:
+            variables[name] = value
+    if not variables:
         raise ValueError("the file contains no variable")
-    return found
+    return variables
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
     """Type and bytes of each element; small ones hold their data in the four bytes behind a shorter tag."""
-    at, byte_order = 0, _BYTE_ORDER[order]
-    while at + 8 <= len(data):
-        kind, size = (int.from_bytes(data[at + step : at + step + 4], byte_order) for step in (0, 4))
-        start = at + 8
+    position, byte_order = 0, _BYTE_ORDER[order]
+    while position + 8 <= len(data):
+        kind, size = (int.from_bytes(data[position + step : position + step + 4], byte_order) for step in (0, 4))
+        start = position + 8
         if kind >> 16:
-            kind, size, start = kind & 0xFFFF, kind >> 16, at + 4
-        if size > len(data) - start or (start == at + 4 and size > 4):
+            kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
+        if size > len(data) - start or (start == position + 4 and size > 4):
             raise ValueError("an element is longer than the rest of the file")
         yield kind, data[start : start + size]
-        at = start + size if kind == _COMPRESSED else at + 8 if start == at + 4 else start + -(-size // 8) * 8
+        # Elements fill multiples of 8 bytes, but for compressed ones; small ones take 8 with their tag.
+        padded = position + 8 if start == position + 4 else start + -(-size // 8) * 8
+        position = start + size if kind == _COMPRESSED else padded
 
 
 def _array(data: bytes, order: str, depth: int) -> tuple[str, Any]:

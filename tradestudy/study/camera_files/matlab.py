@@ -19,8 +19,8 @@ _LENS: Final = "pinhole, k1 k2 p1 p2 k3"
 
 def _parameters(file: CameraFile) -> Located | None:
     """The structure of a stereo calibration, whatever its variable is called."""
-    values = (file.top.find(name) for name in file.top.names())
-    return next((one for one in values if one is not None and one.has("CameraParameters1")), None)
+    values = (file.top.find(key) for key in file.top.names())
+    return next((value for value in values if value is not None and value.has("CameraParameters1")), None)
 
 
 def read_parameters(files: Sequence[CameraFile], request: Request) -> Imported:
@@ -99,7 +99,7 @@ def read_results(files: Sequence[CameraFile], request: Request) -> Imported:
     moved = top.need("T")
     matrix: Mapping[str, ImportedCamera] = {side: _toolbox_camera(top, side, request) for side in ("left", "right")}
     turned = Rotation.from_rotvec(top.need("om").numbers(3)).as_matrix()
-    kept = {"T", "om", "nx", "ny", *(f"{name}_{side}" for name in ("fc", "cc", "kc", "alpha_c") for side in matrix)}
+    kept = {"T", "om", "nx", "ny", *(f"{key}_{side}" for key in ("fc", "cc", "kc", "alpha_c") for side in matrix)}
     top.set_aside(*({*top.names()} - kept))
     return rig(
         matrix["left"],
@@ -113,7 +113,7 @@ def read_results(files: Sequence[CameraFile], request: Request) -> Imported:
 
 
 def _toolbox_camera(top: Located, side: str, request: Request) -> ImportedCamera:
-    focal, centre, lens, skew = (top.find(f"{name}_{side}") for name in ("fc", "cc", "kc", "alpha_c"))
+    focal, centre, lens, skew = (top.find(f"{key}_{side}") for key in ("fc", "cc", "kc", "alpha_c"))
     focal, centre, lens = (
         focal or top.need(f"fc_{side}"),
         centre or top.need(f"cc_{side}"),

@@ -31,10 +31,10 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     """
     top = files[0].top
     size, cameras = (top.need("width"), top.need("height")), []
-    for name in ("cam0", "cam1"):
-        matrix = top.need(name)
+    for key in ("cam0", "cam1"):
+        matrix = top.need(key)
         pinhole = pinhole_of(matrix, matrix.numbers(9))
-        cameras.append(checked_camera(name, pinhole, "rational", {}, matrix=matrix, lens=matrix, size=size))
+        cameras.append(checked_camera(key, pinhole, "rational", {}, matrix=matrix, lens=matrix, size=size))
     offset, apart = top.need("doffs"), cameras[1].centre[0] - cameras[0].centre[0]
     if abs(offset.number() - apart) > _AGREES:
         raise offset.fail(f"the principal points are {apart:g} px apart, but doffs is {offset.number():g}; correct one")

@@ -88,13 +88,13 @@ def _pose(top: Located) -> tuple[FloatArray, FloatArray, Located]:
 
 def _camera(top: Located) -> ImportedCamera:
     named, intrinsics = top.need("lensmodel"), top.need("intrinsics")
-    name = named.text()
-    if name not in _MODELS:
-        why = next((words for part, words in _REFUSED.items() if part in name), "unknown")
+    model_name = named.text()
+    if model_name not in _MODELS:
+        why = next((words for part, words in _REFUSED.items() if part in model_name), "unknown")
         remedy = "" if why == "unknown" else f"; {_CONVERT} {top.file.path.name}"
-        short = re.sub(r"[^A-Z0-9_].*", "", name)[:40]
+        short = re.sub(r"[^A-Z0-9_].*", "", model_name)[:40]
         raise named.fail(f"the lens model '{short}' is {why}; one of {', '.join(_MODELS)} is expected{remedy}")
-    model, names = _MODELS[name]
+    model, names = _MODELS[model_name]
     numbers = intrinsics.numbers(4 + len(names))
     ignored: tuple[Convention, ...] = ()
     if top.has("optimization_inputs"):
@@ -113,7 +113,7 @@ def _camera(top: Located) -> ImportedCamera:
         matrix=intrinsics,
         lens=intrinsics,
         size=top.need("imagersize"),
-        says=name,
+        says=model_name,
         named=named,
         conventions=ignored,
         fisheye="mrcal has no such model; give the calibration in another format",
@@ -124,7 +124,7 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     """Two cameramodels, the left camera at the reference, in metres."""
     from scipy.spatial.transform import Rotation
 
-    turned = [float(one) for one in Rotation.from_matrix(np.array(rig.rotation)).as_rotvec()]
+    turned = [float(component) for component in Rotation.from_matrix(np.array(rig.rotation)).as_rotvec()]
     files = {}
     for side, camera, pose in (
         ("left", rig.left, [0.0] * 6),

@@ -56,7 +56,7 @@ def _recognises_lists(file: CameraFile) -> bool:
     """Whether a file has a matrix of 9 numbers as a list, under any of the keys that OpenCV's files have."""
     names = (*_MATRIX, *_names(_MATRIX, 0), *_names(_MATRIX, 1), *_ROTATION)
     tops = [file.top, *filter(None, (_side(file.top, side) for side in (0, 1)))]
-    return any((value := top.find(name)) is not None and _is_square(value.entry) for top in tops for name in names)
+    return any((value := top.find(key)) is not None and _is_square(value.entry) for top in tops for key in names)
 
 
 def _is_square(entry: Entry) -> bool:
@@ -69,8 +69,8 @@ def _is_square(entry: Entry) -> bool:
 def _side(top: Located, side: int) -> Located | None:
     """The mapping of one camera of a pair, such as ``left`` or ``camera1``."""
     names = (name for end in _SIDES[side] for name in (end, f"cam{end}", f"camera{end}", f"camera_{end}"))
-    parts = (top.find(name) for name in names)
-    return next((part for part in parts if part is not None and any(part.has(name) for name in _MATRIX)), None)
+    parts = (top.find(key) for key in names)
+    return next((part for part in parts if part is not None and any(part.has(key) for key in _MATRIX)), None)
 
 
 def read(files: Sequence[CameraFile], request: Request) -> Imported:
@@ -132,6 +132,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     turn, moved = extrinsic.need(*_ROTATION), extrinsic.need(*_TRANSLATION)
     metre, unit = request.metres(moved)
     if not (first.coefficients or second.coefficients):
+        # A file with R and T alone has no camera whose distortion might have an unknown name.
         _refuse_vectors([top for top in tops if top is not extrinsic or top in pairs])
     undistorted = Convention(name="distortion", says="none is given", key=moved.key)
     lenses = () if first.coefficients or second.coefficients else (undistorted,)
@@ -315,17 +316,17 @@ def _stated_kind(top: Located, request: Request, side: int | None) -> str:
     if (kind := top.find("type")) is not None and isinstance(kind.entry, ScalarEntry):  # may also be that of a file
         names = (*names, "type") if kind.entry.text.lower() in _FISHEYE_NAMES else names
     if (named := next(filter(None, map(top.find, names)), None)) is not None:
-        name = named.text().lower()
-        if name not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES):
+        model = named.text().lower()
+        if model not in (*_FISHEYE_NAMES, *_PINHOLE_NAMES):
             raise named.fail(
                 f"the lens model '{named.text()[:40]}' is unknown; write fisheye if the coefficients are k1 to k4, or "
                 "pinhole if they are k1 k2 p1 p2 k3 …; remove this key if it names the camera"
             )
-        kind_named = "fisheye" if name in _FISHEYE_NAMES else "pinhole"
+        kind_named = "fisheye" if model in _FISHEYE_NAMES else "pinhole"
         # "pinhole" also names the camera without its distortion.
-        if flag is not None and said != kind_named and name != "pinhole":
-            raise named.fail(f"'{name[:40]}' contradicts {flag.last}: {flag.text()}; correct one")
-        if flag is None and name == "pinhole":
+        if flag is not None and said != kind_named and model != "pinhole":
+            raise named.fail(f"'{model[:40]}' contradicts {flag.last}: {flag.text()}; correct one")
+        if flag is None and model == "pinhole":
             return request.lens_model or "pinhole"
         said = said or kind_named
     if (stated := flag or named) is not None:
@@ -377,8 +378,8 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
     if holder.find("P1") is None:
         raise holder.fail("rectified pictures need P1 and P2 from stereoRectify; add them to the file")
     cameras = []
-    for side, name in enumerate(("P1", "P2")):
-        value = holder.need(name)
+    for side, key in enumerate(("P1", "P2")):
+        value = holder.need(key)
         cameras.append(
             checked_camera(
                 f"camera {side + 1}",
@@ -393,7 +394,7 @@ def _rectified(pair: Located, extrinsic: Located, request: Request) -> Imported:
         )
     value = holder.need("P2")
     metre, unit = request.metres(value)
-    placed = [translation_of_projection(holder.need(name), matrix_of(holder.need(name), 12)) for name in ("P1", "P2")]
+    placed = [translation_of_projection(holder.need(key), matrix_of(holder.need(key), 12)) for key in ("P1", "P2")]
     return _in_order(
         (cameras[0], cameras[1]),
         np.eye(3),
@@ -444,9 +445,9 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         matrices[f"D{side}"] = ((1, len(lens)), lens)
     matrices["R"] = ((3, 3), [number for row in rig.rotation for number in row])
     matrices["T"] = ((3, 1), rig.translation)
-    for name, ((rows, columns), values) in matrices.items():
+    for key, ((rows, columns), values) in matrices.items():
         data = ", ".join(map(repr, values))
-        lines += [f"{name}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}", "   dt: d"]
+        lines += [f"{key}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}", "   dt: d"]
         lines.append(f"   data: [ {data} ]")
     return {f"{stem}-opencv.yml": "\n".join(lines) + "\n"}
 

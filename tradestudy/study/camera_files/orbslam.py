@@ -63,13 +63,13 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     baseline = stereo.find("b") if stereo is not None and kind == "Rectified" else camera.find("bf")
     if baseline is None or top.has("DepthMapFactor"):  # else of a depth camera, whose baseline is a parameter
         return _camera(first, "camera 1", kind, camera, request)
-    one = _camera(first, "camera 1", kind, camera, request)
-    if any(one.coefficients.values()):
+    left = _camera(first, "camera 1", kind, camera, request)
+    if any(left.coefficients.values()):
         raise first.fail("a rectified pair has no distortion, but the file gives coefficients; remove the wrong ones")
-    length = baseline.number() / (one.focal_lengths[0] if baseline.last == "bf" else 1.0)
+    length = baseline.number() / (left.focal_lengths[0] if baseline.last == "bf" else 1.0)
     partly = f"; for raw ones, the file lacks {', '.join(lacking)}" if 0 < len(lacking) < len(_STEREO) else ""
     return rig(
-        one,
+        left,
         _camera(first, "camera 2", kind, camera, request),
         transform_of(np.eye(3), [-length, 0.0, 0.0]),
         defined=_defined(
@@ -149,7 +149,7 @@ FORMAT: Final = Format(
     whole="the settings contain both cameras",
     signs=("Camera.type", "Camera.fx", "Camera1.fx", "Camera.bf", "Stereo.T_c1_c2"),
     recognises=lambda file: any(
-        (value := file.top.find(name)) is not None and value.has("fx", "fy") for name in ("Camera", "Camera1")
+        (value := file.top.find(key)) is not None and value.has("fx", "fy") for key in ("Camera", "Camera1")
     ),
     read=read,
 )

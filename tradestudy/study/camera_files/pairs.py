@@ -51,6 +51,7 @@ def rotation_of(value: Located, numbers: tuple[float, ...]) -> FloatArray:
         raise value.fail("a reflection, not a rotation; check the signs of its rows")
     if error <= _ROUNDING:
         return matrix
+    # The orthogonal factor of the polar decomposition, which is a rotation because the determinant is positive.
     u, _, v = np.linalg.svd(matrix)
     nearest: FloatArray = u @ v
     if error > _INEXACT:
@@ -263,10 +264,10 @@ def baseline_problem(baseline: float, by_other_units: str = "") -> str:
 
 def _by_units(baseline: float, metre: float) -> str:
     """A baseline [m] and its usual values in units of length other than this one [m]; empty if it has none."""
-    others = {name: baseline / metre * unit for name, unit in _UNITS.items() if not math.isclose(unit, metre)}
+    by_unit = {name: baseline / metre * unit for name, unit in _UNITS.items() if not math.isclose(unit, metre)}
     fitting = [
         f"{pretty(length, LENGTH)} with length_unit: {name}"
-        for name, length in others.items()
+        for name, length in by_unit.items()
         if _USUAL_FROM <= length <= _USUAL_TO
     ]
     return f"{pretty(baseline, LENGTH)}, but {' or '.join(fitting)} beside from:" if fitting else ""

@@ -33,7 +33,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         A value is missing or invalid, or the main lens cannot focus as closely as df.
     """
     top = files[0].top
-    pitch, focal_length, spacing, pupil = (top.need(name) for name in ("pp", "fU", "HH", "dA"))
+    pitch, focal_length, spacing, pupil = (top.need(key) for key in ("pp", "fU", "HH", "dA"))
     metre, unit = request.metres(pitch, stated="mm", why="the definition of PlenoptiSign")
     f, separation = focal_length.number() * metre, spacing.number() * metre
     if not f > 0.0:
@@ -71,6 +71,7 @@ def _conjugates(value: Located, f: float, separation: float, metre: float) -> tu
             f"{pretty(4.0 * f, LENGTH)}, are expected"
         )
     a = (s + math.sqrt(s * (s - 4.0 * f))) / 2.0
+    # The other root from the product of both, without cancellation.
     return a, f * s / a
 
 

@@ -43,7 +43,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:  # noqa: AR
     base = _vector(top.need("lens_base_x"))
     layout = _layout(top, base)
     rotation = -lattice_rotation(turned.number() + math.atan2(base[1], base[0]), layout)
-    types = [name for name in top.names() if name.startswith(_TYPE)]
+    types = [key for key in top.names() if key.startswith(_TYPE)]
     if len(types) not in (1, 3):
         raise top.fail(f"{len(types)} types of microlenses (lens_type) are given; 1 or 3 are expected")
     top.set_aside("version", "lens_border", "lens_border_units", "tcp", "tcp_units", "sub_grid_base")
@@ -81,7 +81,7 @@ def _layout(top: Located, base: tuple[float, float]) -> Layout:
         abs(math.atan2(base[0] * other[1] - base[1] * other[0], base[0] * other[0] + base[1] * other[1]))
     )
     layout = _LAYOUTS.get(round(angle))
-    is_even = all(abs(math.hypot(*one) - 1.0) < SAME_PITCH for one in (base, other))
+    is_even = all(abs(math.hypot(*vector) - 1.0) < SAME_PITCH for vector in (base, other))
     if layout is None or not is_even or abs(angle - round(angle)) > math.degrees(SAME_PITCH):
         raise second.fail(
             "lens_base_x and lens_base_y are not the sides of a regular lattice; lengths of 1 and an angle of 60°, 90° "
@@ -92,16 +92,16 @@ def _layout(top: Located, base: tuple[float, float]) -> Layout:
 
 def _ignored(top: Located) -> Iterator[Convention]:
     """What would change pictures, and is not used: where the lattice lies under the pixels, and distortion."""
-    found = []
+    ignored = []
     if (offset := top.find("offset")) is not None and any(_vector(offset)):
-        found.append("the offset of the lattice")
+        ignored.append("the offset of the lattice")
     if (distortion := top.find("distortion")) is not None:
         top.set_aside("distortion", "distortion_type")
         distortion.set_aside()
         if distortion.has("function") and (function := distortion.need("function").text()) != "constant":
-            found.append(f"the distortion ({function[:20]})")
-    if found:
-        yield Convention(name=IGNORED, says=listed(found), key=top.key)
+            ignored.append(f"the distortion ({function[:20]})")
+    if ignored:
+        yield Convention(name=IGNORED, says=listed(ignored), key=top.key)
 
 
 FORMAT: Final = Format(

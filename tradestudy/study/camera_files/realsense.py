@@ -54,9 +54,9 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     top = files[0].top
     if top.has("ppx"):
         return _camera("camera", top, request)
-    streams = {name: top.need(name) for name in _streams(top)}
+    streams = {stream: top.need(stream) for stream in _streams(top)}
     if len(streams) == 1:
-        return next(_camera(name, value, request) for name, value in streams.items())
+        return next(_camera(stream, value, request) for stream, value in streams.items())
     first, second = pair = chosen(tuple(streams), request, top)
     ways = {name: top.find(f"extrinsics_{name}") for name in (f"{first}_to_{second}", f"{second}_to_{first}")}
     steps = [_transform(value) for value in ways.values() if value is not None]
@@ -77,13 +77,13 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
 
 
 def _streams(top: Located) -> list[str]:
-    return [name for name in top.names() if (value := top.find(name)) is not None and value.has("ppx", "ppy")]
+    return [key for key in top.names() if (value := top.find(key)) is not None and value.has("ppx", "ppy")]
 
 
 def _transform(value: Located) -> FloatArray:
     turn, moved = value.need("rotation"), value.need("translation")
     value.set_aside("note")
-    if any(isinstance(one.entry, ListEntry) for one in turn.items()):
+    if any(isinstance(item.entry, ListEntry) for item in turn.items()):
         raise turn.fail("one list of 9 numbers, by columns, is expected; write it as librealsense gives it")
     rotation = rotation_of(turn, turn.numbers(9))
     return transform_of(rotation.T, moved.numbers(3))

@@ -42,5 +42,5 @@ _HEAD: Final = 20_000
 def refused(text: str) -> str:
     """Why a file is refused by its program; empty if it is not."""
     head = text[:_HEAD]
-    found = next(((program, remedy) for program, pattern, remedy in REFUSED if pattern.search(head)), None)
-    return f"this is a file of {found[0]}, which is not read: {found[1]}" if found else ""
+    match = next(((program, remedy) for program, pattern, remedy in REFUSED if pattern.search(head)), None)
+    return f"this is a file of {match[0]}, which is not read: {match[1]}" if match else ""

@@ -44,15 +44,15 @@ def recognises(file: CameraFile) -> bool:
 
 def _refuse_part_of_the_sensor(top: Located) -> None:
     """Refuse binning and regions of interest, because K and P describe the whole sensor at full resolution."""
-    for name in ("binning_x", "binning_y"):
-        if (binning := top.find(name)) is not None and binning.number() > 1.0:
+    for key in ("binning_x", "binning_y"):
+        if (binning := top.find(key)) is not None and binning.number() > 1.0:
             raise binning.fail("the pictures are binned; give the camera_info of the binned pictures, without binning")
     if (roi := top.find("roi")) is None:
         return
     whole = {"width": top.need("image_width", "width"), "height": top.need("image_height", "height")}
-    for name in ("x_offset", "y_offset", "width", "height"):
-        part = roi.find(name)
-        if part is not None and part.number() not in (0.0, whole[name].number() if name in whole else 0.0):
+    for key in ("x_offset", "y_offset", "width", "height"):
+        part = roi.find(key)
+        if part is not None and part.number() not in (0.0, whole[key].number() if key in whole else 0.0):
             raise part.fail("the pictures show only a region of interest; give the camera_info of this region alone")
 
 
@@ -199,23 +199,23 @@ def _camera(top: Located, request: Request) -> ImportedCamera:
 def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensModelName, dict[str, float]]:
     named = top.find("distortion_model")
     stated = "" if named is None else named.text()
-    name = "equidistant" if (stated or request.lens_model) == "fisheye" else stated
+    lens_name = "equidistant" if (stated or request.lens_model) == "fisheye" else stated
     numbers = _numbers(distortion)
-    if not name:
+    if not lens_name:
         if not any(numbers):
             return "rational", {}
         what = f"no distortion model is named, but D has {len(numbers)} coefficients; name one of {', '.join(_MODELS)}"
         raise (named or distortion).fail(what)
-    if name not in _MODELS:
+    if lens_name not in _MODELS:
         assert named is not None
-        raise named.fail(f"the distortion model '{name[:40]}' is unknown; one of {', '.join(_MODELS)} is expected")
-    model, names = _MODELS[name]
+        raise named.fail(f"the distortion model '{lens_name[:40]}' is unknown; one of {', '.join(_MODELS)} is expected")
+    model, names = _MODELS[lens_name]
     if named is not None and stated:
         request.refuse_other_lens(named, "pinhole" if model == "rational" else "fisheye")
     if not numbers:
         return model, {}
     if len(numbers) not in _COUNTS or any(numbers[len(names) :]):
-        raise distortion.fail(f"{len(numbers)} coefficients are given; {name} has {len(names)}")
+        raise distortion.fail(f"{len(numbers)} coefficients are given; {lens_name} has {len(names)}")
     return model, dict(zip(names, numbers, strict=False))
 
 
@@ -254,8 +254,8 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
         }
         lines = [f"image_width: {camera.pixels[0]}", f"image_height: {camera.pixels[1]}", f"camera_name: {side}"]
         lines.append(f"distortion_model: {model}")
-        for name, (rows, columns, values) in matrices.items():
-            lines += [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {values}"]
+        for key, (rows, columns, values) in matrices.items():
+            lines += [f"{key}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {values}"]
         files[f"{stem}-{side}.yaml"] = "\n".join(lines) + "\n"
     return files
 

@@ -88,14 +88,14 @@ def _assignments(path: Path, text: str) -> Entry:
             section = {}
             _add(top, header[1], MappingEntry(place=place, members=section), place)
         elif words:
-            name = _NAME.match(words)
-            if name is None:
+            match = _NAME.match(words)
+            if match is None:
                 raise CameraFileError(place.problem((), f"'{words[:40]}' does not give a name a value"))
-            value = _value(place, re.sub(r"[\[\],;]", " ", words[name.end() :]).strip())
+            value = _value(place, re.sub(r"[\[\],;]", " ", words[match.end() :]).strip())
             count += len(value.items) if isinstance(value, ListEntry) else 1
             if count > MOST_VALUES:
                 raise CameraFileError(place.problem((), f"the file contains more than {MOST_VALUES} values"))
-            _add(section, name[1], value, place)
+            _add(section, match[1], value, place)
     return MappingEntry(place=Place(str(path), 1, 1), members=top)
 
 

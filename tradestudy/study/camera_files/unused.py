@@ -458,11 +458,11 @@ def _cameras_of(value: Located, reading: _Reading) -> tuple[ImportedCamera, ...]
 
 def _counts_from_zero(value: Located) -> bool:
     """Whether a list, or a key with 0 for the 1 of a key that leads to the value, shows that cameras count from 0."""
-    at = value.file.top
+    mapping = value.file.top
     for step in value.path:
-        if isinstance(step, int) or ("1" in step and at.has(step.replace("1", "0"))):
+        if isinstance(step, int) or ("1" in step and mapping.has(step.replace("1", "0"))):
             return True
-        at = at.need(step)
+        mapping = mapping.need(step)
     return False
 
 
@@ -497,7 +497,7 @@ def _pinhole_problem(value: Located, words: tuple[str, ...], cameras: Sequence[I
         if not any(math.isclose(number, expected, rel_tol=_AGREES) for expected in values):
             shown = listed([f"{value:g} px of {camera.name}" for value, camera in zip(values, cameras, strict=True)])
             return f"{number:g} contradicts the camera matrix that is read, {shown}; correct one, or remove this key"
-    if all(math.isclose(*pair, rel_tol=_AGREES) for own in by_camera for pair in zip(numbers, own, strict=True)):
+    if all(math.isclose(*pair, rel_tol=_AGREES) for row in by_camera for pair in zip(numbers, row, strict=True)):
         value.use()  # else it agrees with one of the cameras, and does not say which it concerns
     return ""
 

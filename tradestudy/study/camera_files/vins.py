@@ -48,8 +48,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if [top.file.name for top in cameras] == told[::-1]:
         cameras.reverse()
     first, second = (_pose(body.need(f"body_T_cam{key}")) for key in (0, 1))
-    for name in ("image_width", "image_height"):
-        body.find(name)
     body.set_aside(*({*body.names()} - {"image_width", "image_height"}))
     return rig(
         _camera(cameras[0], request),

@@ -39,30 +39,31 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     from scipy.spatial.transform import Rotation
 
     top = files[0].top
-    cameras = {name: top.need(f"LEFT_CAM_{name}") for name in _SIZES if top.has(f"LEFT_CAM_{name}")}
-    fitting = [name for name in cameras if request.pixels in (None, _SIZES[name])]
+    keys = {resolution: f"LEFT_CAM_{resolution}" for resolution in _SIZES}
+    cameras = {resolution: top.need(key) for resolution, key in keys.items() if top.has(key)}
+    fitting = [resolution for resolution in cameras if request.pixels in (None, _SIZES[resolution])]
     if len(fitting) != 1:
-        sizes = ", ".join(f"[{columns}, {rows}]" for columns, rows in (_SIZES[name] for name in cameras))
+        sizes = ", ".join(f"[{columns}, {rows}]" for columns, rows in (_SIZES[resolution] for resolution in cameras))
         raise top.fail(f"the size of the pictures is needed; give sensor: {{pixels: …}}, one of {sizes}")
-    name = fitting[0]
-    stereo, (left, right) = top.need("STEREO"), (top.need(f"{side}_CAM_{name}") for side in ("LEFT", "RIGHT"))
-    turned = [stereo.need(f"{axis}_{name}").number() for axis in ("RX", "CV", "RZ")]
+    resolution = fitting[0]
+    stereo, (left, right) = top.need("STEREO"), (top.need(f"{side}_CAM_{resolution}") for side in ("LEFT", "RIGHT"))
+    turned = [stereo.need(f"{axis}_{resolution}").number() for axis in ("RX", "CV", "RZ")]
     moved = [stereo.need("Baseline", "BaseLine").number()]
-    moved += [stereo.need(f"{axis}_{name}", axis).number() for axis in ("TY", "TZ")]
+    moved += [stereo.need(f"{axis}_{resolution}", axis).number() for axis in ("TY", "TZ")]
     for key in stereo.names():
-        if key.rpartition("_")[2] in _SIZES and key.rpartition("_")[2] != name:
+        if key.rpartition("_")[2] in _SIZES and key.rpartition("_")[2] != resolution:
             stereo.set_aside(key)
     # Both sides have the same resolutions, so that those of one side say which are not used.
     rights = {size: value for size in cameras if (value := top.find(f"RIGHT_CAM_{size}")) is not None}
     return rig(
-        _camera(left, _SIZES[name], request),
-        _camera(right, _SIZES[name], request),
+        _camera(left, _SIZES[resolution], request),
+        _camera(right, _SIZES[resolution], request),
         transform_of(Rotation.from_rotvec(turned).as_matrix(), -np.array(moved)),
         defined=_DEFINED,
         where=stereo,
         request=request,
         exchanged="Baseline is negative; correct its sign in the file",
-        others=tuple(convention for side in (cameras, rights) for convention in other_cameras(side, (name,)))[:1],
+        others=tuple(convention for side in (cameras, rights) for convention in other_cameras(side, (resolution,)))[:1],
     )
 
 

@@ -59,8 +59,8 @@ class AccuracyPart(Part):
         everywhere: tuple[Quantity, ...] = (
             "depth_uncertainty", "usable_range", "depth_of_field", "pixel_intensity", "psf_width",
         )  # fmt: skip
-        own: dict[Quantity, float | None] = {name: getattr(self, name) for name in everywhere}
-        tolerances = {name: self.tolerance if value is None else value for name, value in own.items()}
+        declared: dict[Quantity, float | None] = {quantity: getattr(self, quantity) for quantity in everywhere}
+        tolerances = {quantity: self.tolerance if value is None else value for quantity, value in declared.items()}
         if self.depth_noise is not None:
             tolerances["depth_noise"] = self.depth_noise
         return accuracy.Accuracy(
@@ -100,7 +100,7 @@ class _EffectsPart(Part):
     def forced(self) -> dict[SlotName, str]:
         """The forced models, by effect."""
         slots = cast(Iterable[SlotName], type(self).model_fields)
-        return {slot: name for slot in slots if (name := getattr(self, slot)) is not None}
+        return {slot: model for slot in slots if (model := getattr(self, slot)) is not None}
 
 
 if TYPE_CHECKING:

@@ -320,16 +320,16 @@ def wave_claim_mistakes(
     """Claims that name lenses or methods missing from the study."""
     elements = () if fresnel is None else tuple(fresnel.elements)
     methods = () if spot is None else spot.methods
-    found: list[MistakeAt] = []
+    mistakes: list[MistakeAt] = []
     for key, claim in claims.items():
         if isinstance(claim, PsfErrorClaim | FresnelFNumberClaim | CriterionFNumberClaim):
             if claim.element not in elements:
                 what = f"fresnel_validity has no element {claim.element!r}{nearest_name(claim.element, elements)}"
-                found.append(MistakeAt(("claims", key, "element"), what))
+                mistakes.append(MistakeAt(("claims", key, "element"), what))
         elif isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
-            found += [
+            mistakes += [
                 MistakeAt(("claims", key, word), f"{name!r} is not one of light_spot.methods")
                 for word, name in (("method", claim.method), ("reference", claim.reference))
                 if name not in methods
             ]
-    return found
+    return mistakes

@@ -124,7 +124,7 @@ class RefocusingPart(Part):
 
     def asked(self, refocuses: Mapping[str, bool]) -> tuple[str, ...]:
         """Names of the cameras to refocus, from all names and whether each camera can be refocused."""
-        return self.cameras or tuple(name for name, can in refocuses.items() if can)
+        return self.cameras or tuple(camera for camera, refocusable in refocuses.items() if refocusable)
 
 
 class UsableRangePart(Part):
@@ -254,7 +254,7 @@ class SolvePart(Part):
     )
 
     def _mistakes(self) -> Iterator[MistakeAt]:
-        if sum(one is not None for one in (self.equal, self.camera, self.requirement)) != 1:
+        if sum(condition is not None for condition in (self.equal, self.camera, self.requirement)) != 1:
             yield MistakeAt(
                 (), "give one of equal (two cameras), camera (with relative or uncertainty) and requirement (a name)"
             )
@@ -381,9 +381,11 @@ class ValueOfInformationPart(Part):
         """Values that two assumptions vary; ``readings`` gives the paths that each reading of the study sets."""
         owners: dict[str, str] = {}
         mistakes = []
-        for name, one in self.assumptions.items():
-            word = "vary" if one.readings is None else "readings"
-            every = [*one.paths, *(path for reading in one.readings or () for path in readings.get(reading, ()))]
+        for name, assumption in self.assumptions.items():
+            word = "vary" if assumption.readings is None else "readings"
+            set_paths = (path for reading in assumption.readings or () for path in readings.get(reading, ()))
+            every = [*assumption.paths, *set_paths]
+            # Paths may omit this first key.
             for path in dict.fromkeys(path.removeprefix("cameras.") for path in every):
                 if path in owners:
                     place = ("assumptions", name, word)

@@ -484,11 +484,11 @@ class SceneImagePart(Part):
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
         """The files named in this part, each with the path of its name."""
-        for number, one in enumerate(self.surfaces):
-            if isinstance(one, DepthMapPart):
-                yield ("surfaces", number, "depth"), one.depth
-                if one.picture is not None:
-                    yield ("surfaces", number, "picture"), one.picture
+        for number, surface in enumerate(self.surfaces):
+            if isinstance(surface, DepthMapPart):
+                yield ("surfaces", number, "depth"), surface.depth
+                if surface.picture is not None:
+                    yield ("surfaces", number, "picture"), surface.picture
 
 
 _MOST = 50
@@ -543,7 +543,7 @@ class DepthLoopPart(Part):
     def _mistakes(self) -> Iterator[MistakeAt]:
         if wrong := [k for k, (near, far) in enumerate(itertools.pairwise(self.distances), start=1) if not near < far]:
             yield MistakeAt(("distances", wrong[0]), "distances must increase, without repeats")
-        if unknown := [k for k, one in enumerate(self.fitted_at) if one not in self.distances]:
+        if unknown := [k for k, distance in enumerate(self.fitted_at) if distance not in self.distances]:
             yield MistakeAt(("fitted_at", unknown[0]), "is not one of the distances")
 
 
@@ -575,8 +575,8 @@ class ScenePart(Part):
     def _sorted(self) -> Self:
         pairs = enumerate(itertools.pairwise(self.distance_values()), start=1)
         if wrong := [index for index, (near, far) in pairs if not near < far]:
-            at = () if isinstance(self.distances, DistanceRangePart) else (wrong[0],)
-            raise MistakeAt(("distances", *at), "distances must increase, without repeats")
+            tail = () if isinstance(self.distances, DistanceRangePart) else (wrong[0],)
+            raise MistakeAt(("distances", *tail), "distances must increase, without repeats")
         return self
 
     def distance_values(self) -> tuple[float, ...]:

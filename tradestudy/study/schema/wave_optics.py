@@ -452,7 +452,7 @@ class LightSpotPart(Part):
     def _mistakes_of_comparison(self) -> Iterator[MistakeAt]:
         if len(set(self.methods)) < len(self.methods):
             yield MistakeAt(("methods",), "repeats a method; name each once")
-        timed = [one.method for one in self.published_times]
+        timed = [time.method for time in self.published_times]
         for index, method in enumerate(timed):
             if method in timed[:index]:
                 what = f"{method!r} already has a published time; give one for each method"
@@ -531,7 +531,7 @@ def law_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
     forced = effects.forced()
     if spot.spot.coherent:
         words = {"off": _NO_RAYS, "boundary_wave": _NO_EDGE}
-        return [MistakeAt(("effects", slot), words[name]) for slot in LENSES if (name := forced.get(slot, "")) in words]
+        return [MistakeAt(("effects", slot), words[law]) for slot in LENSES if (law := forced.get(slot, "")) in words]
     if spot.microlenses.aperture == "square" and forced.get("microlens_diffraction") == "boundary_wave":
         return [MistakeAt(("effects", "microlens_diffraction"), _NO_SQUARE_EDGE)]
     return []
