@@ -445,6 +445,7 @@ def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Gener
     """
     if uncertainty == 0.0:
         return draws
+    # Larger squares enlarge every length in the same ratio, and change neither angles nor images.
     scaled = draws.copy()
     scaled[:, TRANSLATION] *= 1.0 + uncertainty * rng.standard_normal((len(draws), 1))
     return scaled

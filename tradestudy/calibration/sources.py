@@ -339,7 +339,7 @@ def impossible_errors(camera: DepthCamera, distance: FloatArray) -> Iterator[str
     measured = camera.measured_depth(distance, 0.0, drawn)
     measures = np.isfinite(measured.inverse_depth) & ~measured.no_overlap & ~measured.out_of_range
     works = np.any(np.broadcast_to(measures, (len(moved), distance.size)), axis=1)
-    if not works[0]:
+    if not works[0]:  # even without deviations: not the fault of any parameter
         return
     for number, (name, size) in enumerate(sizes.items(), start=1):
         if not (works[number] and works[number + len(sizes)]):

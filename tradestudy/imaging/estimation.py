@@ -205,7 +205,7 @@ def score(
 
     Parameters
     ----------
-    found, truth
+    depth_map, truth
         Measured and true depth in the same pixels.
     predicted
         Depth uncertainty from noise at the true depth of each pixel [m]; NaN where there is none.
@@ -413,7 +413,7 @@ def fit_matcher(depth_map: DepthMap, truth: TrueDepth, window_px: float) -> Matc
 
     Parameters
     ----------
-    found, truth
+    depth_map, truth
         Measured and true depth in the same pixels.
     window_px
         Side of the windows, which overlap.

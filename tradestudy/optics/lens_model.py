@@ -486,6 +486,7 @@ class Rational(LensModel):
             size = np.hypot(step_x, step_y) / (1.0 + np.hypot(x, y))
             if not np.any(size > _SETTLED):
                 break
+        # Beyond the fold of the distortion, the picture is mirrored, and the determinant is negative.
         return x, y, (size <= _SETTLED) & (determinant > 0.0)
 
     def _on_tilted(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -169,6 +169,7 @@ def encircled_energy(field: SpreadField, *, centre: tuple[float, float], radius:
         energy = grid.moments(centre, float(radii.max()))
         return np.reshape([energy(float(r)) / grid.pupil_power for r in radii.ravel()], radii.shape)
 
+    # By Cauchy–Schwarz, an L2 error of the intensity changes the power on a disc by at most √area times that error.
     return measured(psf, shares, carried=np.sqrt(np.pi) * radii * psf.intensity_error / psf.pupil_power)
 
 
@@ -230,6 +231,7 @@ def encircled_energy_radius(field: SpreadField, *, centre: tuple[float, float], 
             return largest  # a grid this coarse loses light; the large change then counts as the error
         return float(brentq(lambda r: energy(r) - target, 0.0, largest, xtol=1e-13 * largest))
 
+    # The bound on the error of the power, over the rise of the power with the radius, bounds that of the radius.
     nominal, step = radius(psf), psf.spacing / 4
     rise = (inside(min(nominal + step, largest)) - inside(max(nominal - step, 0.0))) / (2 * step)
     return measured(psf, radius, carried=np.sqrt(np.pi) * nominal * psf.intensity_error / rise)

@@ -277,13 +277,13 @@ def _minimise(
             tried_cost = float(np.sum(tried.residuals**2))
         except OutOfRangeError:  # a coefficient outside its range
             tried_cost = np.inf
-        if tried_cost <= cost:  # False for NaN: a board behind the camera
+        better = tried_cost <= cost  # False for NaN: a board behind the camera
+        if better:
             shared, poses, blocks = shared + step, poses + pose_step, tried
         # Judged by the predicted decrease: at the minimum, rounding decides whether the actual one is positive.
         if expected <= _ROUNDING * cost + _NO_NOISE**2 * blocks.residuals.size:
             return shared, poses, blocks
-        better = tried_cost <= cost
-        cost = min(cost, tried_cost) if better else cost
+        cost = tried_cost if better else cost
         damping = max(damping / 10.0, _LEAST_DAMPING) if better else 10.0 * damping
         if damping > _MOST_DAMPING:
             break
@@ -304,11 +304,13 @@ def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatA
     basis, factor = np.linalg.qr(np.concatenate([blocks.by_pose, held], axis=1))
     table = np.concatenate([blocks.by_shared, blocks.residuals[..., None]], axis=-1)
     table = np.concatenate([table, np.zeros((views, 6, count + 1))], axis=1)
+    # What the poses can take up lies along their basis; the rest determines the shared parameters.
     inner = np.swapaxes(basis, -1, -2) @ table
     free = (table - basis @ inner).reshape(-1, count + 1)
     size = np.linalg.norm(blocks.by_shared.reshape(-1, count), axis=0)
     below = np.concatenate([root * np.diag(size), np.zeros((count, 1))], axis=1)
     triangle = triangular_factor(np.concatenate([free, below]))
+    # Columns of equal length, so that `rcond` does not depend on units; a parameter without effect gets no step.
     scale = np.where(size > 0.0, size, 1.0)
     step = np.linalg.lstsq(triangle[:count, :count] / scale, triangle[:count, count], rcond=1e-15)[0] / scale
     right = inner[..., count] - inner[..., :count] @ step

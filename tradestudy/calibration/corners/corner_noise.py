@@ -82,6 +82,7 @@ def maximise(likelihood: Callable[[FloatArray], LocalLikelihood], start: FloatAr
             if trial.value >= current.value:
                 break
             step = 0.5 * step
+        # Also if no shorter step raises the likelihood: what is left to gain is then too little to matter.
         if not gain > settled:
             return place
         information = _agreeing(trial.information, step, current.gradient - trial.gradient)

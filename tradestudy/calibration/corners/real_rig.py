@@ -320,6 +320,7 @@ def _with_noise_and_warp(
         last = explained.noise_px
         corners = replace(corners, noise=_noise_of(corners, explained, weights))
         explained = fit_pair_residual(pair, corners, explained)
+        # Before the warp changes again, so that corners, fit and warp belong together.
         if number >= _LEAST_ROUNDS and abs(explained.noise_px / last - 1.0) < _NOISE_SETTLED:
             return corners, explained, warp
         information, gradient = _with_warp(explained, corners, warp)

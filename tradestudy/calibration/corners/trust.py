@@ -113,6 +113,7 @@ def compare_lenses(fit: RigFit, z: FloatArray, others: Sequence[FreeLens]) -> Ma
 def _fitted(fit: RigFit, lens: FreeLens, images: FloatArray) -> _LeaveOneOut:
     """Another lens model, fitted anew to the same corners."""
     corners = replace(fit.corners, lens=lens)
+    # Single cameras and pair only give the last fit its start, for which equal noise is good enough.
     white = replace(corners, noise=None)
     cameras = [fit_camera(white.board, side, white.present, lens=lens) for side in (white.left, white.right)]
     anew = fit_pair_residual(fit_pair(white, *cameras), corners)
@@ -150,6 +151,7 @@ def _leave_one_out(
     for view in range(len(states.poses)):
         single = compressed.of(np.array([view]))
         view_information, view_gradient = single.information(noise, scale)
+        # Both are sums over views, so that leaving one out takes a subtraction instead of a fit.
         step = inverse_information(information - view_information) @ (gradient - view_gradient)
         inverses.append(slopes @ (shared + step - best))
         log_likelihoods.append(float(single.log_likelihood(shared + step, np.asarray(noise), np.asarray(scale))))

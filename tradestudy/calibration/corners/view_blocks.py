@@ -177,6 +177,7 @@ def state_blocks(
     right, right_by_points = project_by_points(of_right, seen_right, lens.model, lens.free)
     weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]
     centre = (seen_right * weight).sum(axis=1)
+    # A small turn about the centre of the board, as of a pose that has moved the board there without turning it.
     by_motion = pose_derivatives(right_by_points, np.concatenate([np.zeros_like(centre), centre], axis=-1), seen_right)
     by_motion[..., :3] /= lever
     left_by_pose = pose_derivatives(left_by_points, poses, seen_left)
@@ -327,6 +328,7 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
     conditions = []
     for row, exists in enumerate(present):
         columns = (normalise @ homography(board[row, exists], image[row, exists])).T
+        # A homography has any scale; views should count alike.
         columns = columns / np.linalg.norm(columns[:2])
         conditions += [
             _conic_row(columns[0], columns[1]),

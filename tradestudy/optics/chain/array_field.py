@@ -224,6 +224,7 @@ class PupilWave:
         """Wave of the whole coherent disc in front of the main lens (eq. 10)."""
         radius, reach = self.coherent_radius, self.path.main_lens.radius + self.coherent_radius
         reach += math.hypot(self.source.x, self.source.y)
+        # The phase over the disc is steepest on the way to the farthest point of the lens.
         degree = plane_wave_degree(
             2 * math.pi / self.wavelength * radius * reach / math.hypot(reach, self.source.distance)
         )

@@ -315,6 +315,7 @@ class SourceTables:
         result = {}
         for place in places:
             radius = math.hypot(*place)
+            # To the picometre: on one ring of nodes, distances differ by rounding.
             key = round(radius * 1e12)
             if key not in blends:
                 blends[key] = blended(self.tables, lagrange_weights(self.radii, np.array(radius)))
@@ -339,6 +340,7 @@ class SourceTables:
             for c, on_axis in ((source_x, 1.0), (source_y, 0.0))
         )
         weights = lagrange_weights(self.radii, radius)
+        # Relative to the chief ray, which meets the array on the side opposite to the source.
         along = cosine * x + sine * y + self.path.array_distance / self.distance * radius
         across = cosine * y - sine * x
         slow = np.zeros(radius.shape, dtype=np.complex128)

@@ -176,7 +176,7 @@ def direct_detector_field(
         Nodes and propagation law of the leg.
     field, transmission
         Arriving field and `MicrolensPlane.transmission`, shape (lenses, nodes).
-    at
+    targets
         Points (x, y) [m], shape (points, 2).
     images, target_reach
         Where the ray through the centre of each lens lands [m], shape (lenses, 2), and the distance from there up to

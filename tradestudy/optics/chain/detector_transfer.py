@@ -266,6 +266,7 @@ def detector_field(
     rows, columns = shape
     response.apply(spectrum)
     spectrum *= y_phase[:, None]
+    # Rows outside the rectangle are dropped first; the transform along the other axis then does not cover them.
     partial = scipy.fft.ifft(spectrum, axis=0, overwrite_x=True)[:rows]
     partial *= x_phase / transfer.spacing**2
     return np.asarray(scipy.fft.ifft(partial, axis=1, overwrite_x=True)[:, :columns])

@@ -106,7 +106,7 @@ def refuse_following_microlenses(
 
     Parameters
     ----------
-    found
+    computed
         The image of the path.
     path, source, legs
         Camera, source and methods of propagation.
@@ -320,6 +320,7 @@ def _by_laws(
         return wave_spot_image(
             path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done, compute=compute
         )
+    # What is left emits one wave: a point, or a coherent disc.
     wave = point_wave(
         path,
         source.centre if isinstance(source, DiscSource) else source,

@@ -51,13 +51,7 @@ from tradestudy.optics.chain.microlens_nodes import (
     tapered_disc_nodes,
 )
 from tradestudy.optics.chain.scene import Legs, LightPath, PixelGrid
-from tradestudy.optics.chain.sources import (
-    DiscSource,
-    lens_orbits,
-    moved_image,
-    symmetries,
-    tolerated_density,
-)
+from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries, tolerated_density
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.propagation.result import squared_magnitude
 from tradestudy.optics.quadrature import gauss_legendre
@@ -552,6 +546,7 @@ def _disc_cases(path: LightPath, source: DiscSource, density: float) -> list[_Ra
     result = []
     for centre, focal_length in zip(lenses.centres, lenses.focal_lengths, strict=True):
         x = centre + offset
+        # Light through a clear gap is not bent.
         power = np.where(nodes.in_lens, 1 / focal_length, 0.0)[:, None]
         result.append(
             _Rays(
@@ -575,6 +570,7 @@ def _areas(path: LightPath, rays: _Rays, *, columns: int) -> FloatArray:
     to_array, to_detector = (math.copysign(max(abs(s), _SMALLEST), s) for s in (rays.array_scale, rays.detector_scale))
     radius = path.main_lens.radius
     hole = rays.centre / to_array  # centre of the region in the plane of u, (n, 2)
+    # Traced back to the pupil, pixels are rectangles: a pixel's share is the area of its overlap with pupil and region.
     edges_x = np.sort((path.pixels.edges_x - rays.landing[:, :1]) / to_detector, axis=1)
     edges_y = np.sort((path.pixels.edges_y - rays.landing[:, 1:]) / to_detector, axis=1)
     half_width = float(rays.region.breaks[-1]) / abs(to_array)

@@ -322,7 +322,7 @@ def _light_of_all(
         reach=reach,
         half_side=spot.request.patch.half_side,
         accuracy=spot.request.accuracy,
-        threads=1,
+        threads=1,  # points are already followed side by side
     )
     return PointLight(
         intensity=squared_magnitude(canvas) / wave.power(),
@@ -373,6 +373,7 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, place: Place, table: Fiel
 def _add_light(spot: Spot, law: PatchLaw, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
     """Add the light of some microlenses on their patches of the detector; return the light that leaves the patches."""
     origin = np.asarray(spot.request.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
+    # Patches snap to the samples of the canvas, so that they add without interpolation.
     nearest = np.rint((reach.image[lit.which] - origin) / spot.spacing).astype(int)
     middles = origin + nearest * spot.spacing
     patches = patch_fields(

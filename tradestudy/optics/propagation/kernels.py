@@ -146,6 +146,7 @@ class KirchhoffKernel:
             Difference of the paths [m], and C/s [1/m].
         """
         squared = x * x + y * y + z * z
+        # s² − s₀² multiplied out; divided by s + s₀, it becomes s − s₀.
         change = np.asarray(u * (u - 2 * x))
         change += v * (v - 2 * y)
         to_node = np.asarray(squared + change)

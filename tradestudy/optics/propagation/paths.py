@@ -95,6 +95,7 @@ class SphericalPath:
     def value(self, x: Array, y: Array) -> Array:
         """Path relative to the vertex [m]."""
         vertex = math.hypot(self.distance, self.x, self.y)
+        # r² − r₀² over r + r₀: the difference r − r₀ of two long distances would lose digits.
         return self._sign() * ((x - 2 * self.x) * x + (y - 2 * self.y) * y) / (self._range(x, y) + vertex)
 
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:

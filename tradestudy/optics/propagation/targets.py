@@ -483,6 +483,7 @@ class PolarField:
         place = r * (steps / self.radius)
         cell = np.minimum(place.astype(int), steps - 1)
         t = place - cell
+        # Lagrange's cubic through the radii −1, 0, 1 and 2 steps from the cell: the table begins a step early.
         weights = (
             t * (t - 1) * (2 - t) / 6,
             (t + 1) * (t - 1) * (t - 2) / 2,
@@ -491,6 +492,7 @@ class PolarField:
         )
         turn = np.where(r > 0, a + 1j * b, 1.0) / np.where(r > 0, r, 1.0)
         middle = self.harmonics.size // 2
+        # Products replace an exponential of every harmonic at every point; negative orders are their conjugates.
         power = [np.ones_like(turn)]
         for _ in range(middle):
             power.append(power[-1] * turn)
