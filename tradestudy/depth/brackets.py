@@ -12,16 +12,16 @@ _OFF: Final = 0.1  # error of a cubic's zero, relative to the difference of the 
 _NEAREST: Final = (1e-7, 0.1)  # of a bracket: limits of the smallest distance from an estimate
 
 
-def stencil(before: IndexArray, count: int) -> IndexArray:
+def stencil(first: IndexArray, count: int) -> IndexArray:
     """Of ``count`` places in order, the two on either side of each bracket, by its first place; (4, brackets)."""
-    first = np.clip(before - 1, 0, max(0, count - 4))
-    return np.asarray(np.minimum(first + np.arange(4)[:, np.newaxis], count - 1))
+    start = np.clip(first - 1, 0, max(0, count - 4))
+    return np.asarray(np.minimum(start + np.arange(4)[:, np.newaxis], count - 1))
 
 
 def between(
     ends: tuple[FloatArray, FloatArray],
     around: tuple[FloatArray, FloatArray] | FloatArray,
-    before: FloatArray | float,
+    previous: FloatArray | float,
     sections: int,
     least: FloatArray | float = 0.0,
 ) -> FloatArray:
@@ -37,7 +37,7 @@ def between(
         Both ends of the brackets (brackets,).
     around
         Places around each bracket and the margins there, both (places, brackets); see `stencil`.
-    before
+    previous
         Widths of the brackets before the last round.
     sections
         Their number, even.
@@ -47,9 +47,11 @@ def between(
     low, width = ends[0], ends[1] - ends[0]
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # equal or infinite margins, or no bracket
         zero, apart = cubic_zero(*around)
-        share, off = (zero - low) / width, np.maximum(_OFF * apart, least) / width
-    known = (share > 0.0) & (share < 1.0) & (width * (sections - 1) < before)
-    ratio = np.clip(np.where(known, off, 1.0), *_NEAREST) ** (-2.0 / (sections - 2))
+        share, error = (zero - low) / width, np.maximum(_OFF * apart, least) / width
+    # A share that is NaN fails both comparisons, so that such a bracket is divided equally.
+    known = (share > 0.0) & (share < 1.0) & (width * (sections - 1) < previous)
+    # On each side, the last of sections/2 − 1 places then lies at the likely error from the zero.
+    ratio = np.clip(np.where(known, error, 1.0), *_NEAREST) ** (-2.0 / (sections - 2))
     even = np.linspace(0.0, 1.0, sections + 1)[1:-1, np.newaxis]
     return low + np.where(known, falling(np.where(known, share, 0.5), ratio, sections), even) * width
 
@@ -62,11 +64,12 @@ def falling(share: FloatArray, ratio: FloatArray, sections: int) -> FloatArray:
 
 def cubic_zero(places: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The place of value 0 on a cubic through four places and values (4, …), and how far its parabolas differ."""
-    through = list(places)
-    for order in range(1, len(places)):  # Neville's scheme
-        apart = np.abs(through[0] - through[1])
-        through = [
-            (values[k + order] * through[k] - values[k] * through[k + 1]) / (values[k + order] - values[k])
-            for k in range(len(through) - 1)
+    # Neville's scheme for places as polynomials of the value: their values at 0 need no search for a root.
+    zeros = list(places)
+    for order in range(1, len(places)):
+        apart = np.abs(zeros[0] - zeros[1])
+        zeros = [
+            (values[k + order] * zeros[k] - values[k] * zeros[k + 1]) / (values[k + order] - values[k])
+            for k in range(len(zeros) - 1)
         ]
-    return through[0], apart
+    return zeros[0], apart

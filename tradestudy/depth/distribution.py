@@ -45,8 +45,8 @@ class DepthDistribution:
     @cached_property
     def failed(self) -> FloatArray:
         """Share of measurements that fail, ``1 − (1 − f)(1 − m)`` with the failures f, shape (scrambles, distances)."""
-        found = self.failures()
-        return found + self.false_matches * (1.0 - found)
+        failures = self.failures()
+        return failures + self.false_matches * (1.0 - failures)
 
     @cached_property
     def error_radii(self) -> FloatArray:
@@ -112,9 +112,10 @@ class DepthDistribution:
 
     def half_widths(self, coverage: float) -> FloatArray:
         """Half the central interval [m] with a given coverage, in each scramble; +inf where it has no far end."""
+        # The nearest probability: rounding may make it differ from the wanted one.
         low = int(np.argmin(np.abs(np.array(self.probabilities) - (1.0 - coverage) / 2.0)))
         near, far = self.quantiles[:, low], self.quantiles[:, len(self.probabilities) - 1 - low]
-        unbounded = np.isinf(far)
+        unbounded = np.isinf(far)  # the near end may be infinite, too, and ∞ − ∞ is not a width
         return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
 
     def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
@@ -132,7 +133,7 @@ class DepthDistribution:
         worst = np.zeros(self.quantiles.shape[2])
         if len(self.quantiles) < 2:
             return worst
-        t = float(stdtrit(len(self.quantiles) - 1, 0.975))
+        t = float(stdtrit(len(self.quantiles) - 1, 0.975))  # of 95 %, two-sided
         with np.errstate(divide="ignore", invalid="ignore"):  # no failures, no width, or an infinite one
             of_failed = t * self.failed_fraction_error / self.failed_fraction
             reported = [self.half_widths(1.0 - 2.0 * p) for p in self.probabilities[: len(self.probabilities) // 2]]
@@ -141,6 +142,7 @@ class DepthDistribution:
                 of_width = t * standard_error(widths) / width
                 if widest is not None:
                     of_width = np.where(width >= widest, 0.0, of_width)
+                # An error that is NaN, where nothing is measured or a width is 0, does not count.
                 worst = np.fmax(worst, np.where(np.isinf(width), of_failed, of_width))
         return worst
 
@@ -174,7 +176,8 @@ def standard_error(values: FloatArray) -> FloatArray:
     return np.asarray(np.std(finite, axis=0, ddof=1) / np.sqrt(count))
 
 
-_FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
+FARTHEST_SCORE: Final = 9.0
+"""Scores are sought up to this many standard deviations; the probability beyond is below 1e-18."""
 _RADIUS_TO: Final = 3e-5  # standard deviations, with linear interpolation within
 _ROUNDING: Final = 1e-12  # of a distance, by which depth misses it without any error
 _SECTIONS: Final = 8  # of a bracket in one round
@@ -220,13 +223,15 @@ def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray,
         with np.errstate(divide="ignore"):  # a depth of 0
             return np.stack([1.0 / (distance + below) - 1.0 / depths[: len(far)], above, below], axis=1)
 
-    _, ends = last_score(np.full(distance.shape, _FARTHEST_SCORE), beyond, to=_RADIUS_TO)
+    _, ends = last_score(np.full(distance.shape, FARTHEST_SCORE), beyond, to=_RADIUS_TO)
     margin, above, below = ends.swapaxes(0, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         to_high = np.clip(margin[0] / (margin[0] - margin[1]), 0.0, 1.0)
-        between = above[0] + to_high * (above[1] - above[0])
-    crossed = np.isfinite(between) & (margin[0] > 0.0) & (margin[1] < 0.0)
-    return without_rounding(np.where(crossed, between, np.maximum(above, below)[1]), distance)
+        interpolated = above[0] + to_high * (above[1] - above[0])
+    # Where the margin has one sign, both ends are the same; where it jumps because the far depth becomes infinite,
+    # only the upper end has a finite radius.
+    crossed = np.isfinite(interpolated) & (margin[0] > 0.0) & (margin[1] < 0.0)
+    return without_rounding(np.where(crossed, interpolated, np.maximum(above, below)[1]), distance)
 
 
 def without_rounding(error: FloatArray, distance: FloatArray) -> FloatArray:
@@ -259,15 +264,17 @@ def last_score(
     columns = np.arange(reach.size)
     first = falling(np.array([0.5]), np.array([_WIDENING]), _SECTIONS)
     scores = reach * (2.0 * np.vstack([0.0, first, 1.0]) - 1.0)
-    values, before = read(scores), np.full(reach.shape, np.inf)
+    values, previous = read(scores), np.full(reach.shape, np.inf)
     while True:
+        # Only margins before the first that is not positive count: a bracket then holds a change of sign even where
+        # rounding makes several.
         positive = np.sum(np.logical_and.accumulate(values[:, 0] > 0.0, axis=0), axis=0)
         ends = np.clip([positive - 1, positive], 0, len(scores) - 1)
         low, high = scores[ends, columns]
-        values_at_ends = values[ends, :, columns].swapaxes(1, 2)
+        values_at_ends = values[ends, :, columns].swapaxes(1, 2)  # numpy moves the sliced axis to the end
         if not np.any(high - low > to):
             return np.stack([low, high]), values_at_ends
         four = stencil(positive - 1, len(scores))
-        inner = between((low, high), (scores[four, columns], values[four, 0, columns]), before, _SECTIONS)
+        inner = between((low, high), (scores[four, columns], values[four, 0, columns]), previous, _SECTIONS)
         scores = np.concatenate([[low], inner, [high]])
-        values, before = np.concatenate([values_at_ends[:1], read(inner), values_at_ends[1:]]), high - low
+        values, previous = np.concatenate([values_at_ends[:1], read(inner), values_at_ends[1:]]), high - low

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE, Field, FieldPosition, MeasuredInverseDepth
-from tradestudy.depth.distribution import DepthDistribution, share_of_true_matches, without_rounding
+from tradestudy.depth.distribution import FARTHEST_SCORE, DepthDistribution, share_of_true_matches, without_rounding
 from tradestudy.depth.remembered import remembered
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
@@ -30,7 +30,6 @@ _ROWS: Final = 512  # quantiles that represent the rows of a posterior
 _BISECTIONS: Final = 30
 _WIDER: Final = 4.0  # times the largest sampled radius; the exact one is smaller
 _ALIKE: Final = 1e-12
-_REACH: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,13 +97,15 @@ def sampling_error(
     within
         The true distances, and the share of draws within the radius.
     """
-    known = np.concatenate([drivers.scores, drivers.responses])
+    variables = np.concatenate([drivers.scores, drivers.responses])
+    # At zero inverse depth everywhere, the line has no slopes and corrects nothing.
     ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
-    slopes = _slopes(ranked, known)
+    slopes = _slopes(ranked, variables)
     of_scores, of_rows = slopes[:, : len(drivers.scores)], slopes[:, len(drivers.scores) :]
     deviation = np.linalg.norm(of_scores, axis=1)
     rows = of_rows @ drivers.rows
-    exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ known, scrambles, axis=1)
+    exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ variables, scrambles, axis=1)
+    # The line has slopes but no constant term, so the means of the draws place infinity and the true distance on it.
     infinity = -ranked.mean(axis=1, keepdims=True)
     beyond = _share_below(rows, deviation, infinity)
     middle = -infinity - np.mean(lines, axis=(0, 2))[:, np.newaxis]
@@ -123,20 +124,21 @@ def _error_of_radii(
     """Sampled radii (scrambles, distances) of a line about its middle [1/m], less the exact ones; 0 where infinite."""
     finite, distance = np.isfinite(radii), within.distance[:, np.newaxis]
     low, high = np.zeros(distance.shape), _WIDER * np.max(np.where(finite, radii, 0.0), axis=0)[:, np.newaxis]
-    some = rows if rows.shape[1] <= _ROWS else quantiles_of(rows, (np.arange(_ROWS) + 0.5) / _ROWS).T
+    kept = rows if rows.shape[1] <= _ROWS else quantiles_of(rows, (np.arange(_ROWS) + 0.5) / _ROWS).T
     for _ in range(_BISECTIONS):
         radius = 0.5 * (low + high)
         with np.errstate(divide="ignore"):
-            nearest = 1.0 / np.maximum(distance - radius, 0.0)
-        near, far = (_share_below(some, deviation, end - middle) for end in (nearest, 1.0 / (distance + radius)))
+            nearest = 1.0 / np.maximum(distance - radius, 0.0)  # infinite where the radius reaches the camera
+        near, far = (_share_below(kept, deviation, end - middle) for end in (nearest, 1.0 / (distance + radius)))
         below = (near - far)[:, np.newaxis] < within.share
         low, high = np.where(below, radius, low), np.where(below, high, radius)
     return np.where(finite, radii, 0.0) - np.where(finite, 0.5 * (low + high)[:, 0], 0.0)
 
 
-def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
-    some = slice(None, None, max(1, known.shape[1] // _FIT_DRAWS))
-    centred = known[:, some] - known[:, some].mean(axis=1, keepdims=True)
+def _slopes(inverse: FloatArray, variables: FloatArray) -> FloatArray:
+    fitted = slice(None, None, max(1, variables.shape[1] // _FIT_DRAWS))
+    # Centred variables are orthogonal to constants, so that inverse depth need not be centred.
+    centred = variables[:, fitted] - variables[:, fitted].mean(axis=1, keepdims=True)
     size = np.linalg.norm(centred, axis=1, keepdims=True)
     unit = centred / np.where(size > 0.0, size, 1.0)
     # Directions of a posterior are nearly parallel: in orthonormal combinations, rounding stays rounding, whichever
@@ -144,17 +146,17 @@ def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
     lengths, axes = np.linalg.eigh(unit @ unit.T)
     kept = lengths > _ALIKE * lengths.max(initial=0.0)
     combined = axes[:, kept] / np.sqrt(lengths[kept])
-    return np.asarray((inverse[:, some] @ (combined.T @ unit).T) @ combined.T / np.where(size > 0.0, size, 1.0)[:, 0])
+    return np.asarray((inverse[:, fitted] @ (combined.T @ unit).T) @ combined.T / np.where(size > 0.0, size, 1.0)[:, 0])
 
 
 def _share_below(rows: FloatArray, deviation: FloatArray, limit: FloatArray) -> FloatArray:
     """Probability that a row plus a normal error is at most a limit; all ``rows`` (distances, rows) weigh the same."""
     from scipy.special import ndtr
 
-    own = rows if rows.shape[1] else np.zeros_like(limit)
+    centres = rows if rows.shape[1] else np.zeros_like(limit)
     spread = deviation[:, None]
-    smooth = ndtr((limit - own) / np.where(spread > 0.0, spread, 1.0))
-    return np.asarray(np.mean(np.where(spread > 0.0, smooth, own <= limit), axis=1))
+    smooth = ndtr((limit - centres) / np.where(spread > 0.0, spread, 1.0))
+    return np.asarray(np.mean(np.where(spread > 0.0, smooth, centres <= limit), axis=1))
 
 
 def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: FloatArray) -> FloatArray:
@@ -167,10 +169,10 @@ def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: F
     if not np.any(deviation > 0.0):
         return order_quantile(ascending, probabilities)
     middle = order_quantile(ascending, (np.arange(_ROWS) + 0.5) / _ROWS)
-    scale = np.where(deviation > 0.0, deviation, np.finfo(float).tiny)
+    scale = np.where(deviation > 0.0, deviation, np.finfo(float).tiny)  # without a normal error, Φ becomes a step
     p = probabilities[:, None]
-    low = np.broadcast_to(middle[0] - _REACH * deviation, (probabilities.size, deviation.size))
-    high = np.broadcast_to(middle[-1] + _REACH * deviation, low.shape)
+    low = np.broadcast_to(middle[0] - FARTHEST_SCORE * deviation, (probabilities.size, deviation.size))
+    high = np.broadcast_to(middle[-1] + FARTHEST_SCORE * deviation, low.shape)
     for _ in range(_BISECTIONS):
         x = 0.5 * (low + high)
         below = np.mean(ndtr((x - middle[:, None]) / scale), axis=0) < p
@@ -255,8 +257,8 @@ def read_draws(
     errors = dict(values)
     if PIXEL_NOISE in errors:
         errors[PIXEL_NOISE] = errors[PIXEL_NOISE] * noise
-    found = camera.measured_depth(distance, field, errors)
-    return np.where(found.no_overlap | found.out_of_range, np.nan, found.inverse_depth)
+    measured = camera.measured_depth(distance, field, errors)
+    return np.where(measured.no_overlap | measured.out_of_range, np.nan, measured.inverse_depth)
 
 
 @lru_cache(maxsize=128)
@@ -279,6 +281,7 @@ def _responses(camera: DepthCamera, group: JointDraws, field: FieldPosition) -> 
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
     read = read_draws(camera, values, places, field, camera.noise(places, field))
+    # Twice the change per deviation: the order of rows and a fitted line ignore a common factor.
     change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
@@ -309,8 +312,8 @@ def outcome_model(
 
     def model(values: Mapping[str, FloatArray]) -> Outcome:
         draws = len(next(iter(values.values()))) if values else 1
-        found = read_draws(camera, {**fixed, **values}, distance, field, noise)
-        return Outcome(values=np.broadcast_to(found, (draws, distance.size)))
+        inverse = read_draws(camera, {**fixed, **values}, distance, field, noise)
+        return Outcome(values=np.broadcast_to(inverse, (draws, distance.size)))
 
     return model
 
@@ -335,14 +338,14 @@ def _drawn(
     def of_scramble(scramble: int) -> tuple[FloatArray, dict[str, FloatArray]]:
         seed = camera.propagation.seed
         scores = scramble_scores(sources.dimensions, draws, seed=seed, point="depth", scramble=scramble)
-        aligned = np.asarray(alignment.apply(scores.copy()))
+        aligned = np.asarray(alignment.apply(scores.copy()))  # in place, while the cache keeps the scores
         return aligned, sources.draw(aligned)
 
-    found = (
+    scrambles = (
         each_scramble(of_scramble, SCRAMBLES) if draws >= _MANY_DRAWS else [of_scramble(k) for k in range(SCRAMBLES)]
     )
-    values = {name: np.concatenate([own[name] for _, own in found]) for name in found[0][1]}
-    scores = np.concatenate([scores for scores, _ in found], axis=1)
+    values = {name: np.concatenate([errors[name] for _, errors in scrambles]) for name in scrambles[0][1]}
+    scores = np.concatenate([scores for scores, _ in scrambles], axis=1)
     return _drivers(camera, field, sources, scores, values), values
 
 
@@ -354,6 +357,7 @@ def _drivers(
     if posterior is None:
         none = np.zeros((0, scores.shape[1]))
         return Drivers(scores=scores, responses=none, rows=np.zeros((0, 0)))
+    # Which row a score selects is no smooth function of it, but depth is almost linear in what the row changes.
     drawn = np.concatenate([values[name] for name in posterior.parameters], axis=1)
     along = _responses(camera, posterior, field)
     return Drivers(
@@ -369,21 +373,21 @@ def _read_all(
     """Inverse depths [1/m] of all draws, (distances, draws); computed on several threads if there are many."""
     fixed, noise = fixed_errors(camera, error_source), camera.noise(distance, field)
     draws = len(next(iter(values.values())))
-    found = np.empty((distance.size, draws))
+    inverse = np.empty((distance.size, draws))
     step = max(64, _AT_ONCE // max(distance.size, 1))
 
     def read(start: int) -> None:
         batch = {name: value[start : start + step] for name, value in values.items()}
-        found[:, start : start + step] = read_draws(camera, batch | fixed, distance, field, noise).T
+        inverse[:, start : start + step] = read_draws(camera, batch | fixed, distance, field, noise).T
 
     starts = range(0, draws, step)
-    if found.size < _WORTH_THREADS:
+    if inverse.size < _WORTH_THREADS:
         for start in starts:
             read(start)
     else:
         with ThreadPoolExecutor(max_workers=os.cpu_count()) as threads:
             list(threads.map(read, starts))
-    return found
+    return inverse
 
 
 def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: FieldPosition) -> FloatArray:
@@ -413,19 +417,21 @@ def _of_draws(
 ) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, error_source, field, draws)
-    inverse, upper = _read_all(camera, distance, field, error_source, values), 1.0 - np.array(probabilities)
+    inverse = _read_all(camera, distance, field, error_source, values)
+    upper = 1.0 - np.array(probabilities)  # of inverse depth, which falls as depth rises
     false_matches = false_match_share(camera, error_source)
     within = Within(distance=distance, share=share_of_true_matches(false_matches))
-    off = sampling_error(inverse, drivers, SCRAMBLES, upper, within)
-    ascending = [np.sort(one, axis=1) for one in np.split(inverse, SCRAMBLES, axis=1)]
-    quantiles = np.stack([_ranked_quantiles(one, upper) for one in ascending])
+    sampling = sampling_error(inverse, drivers, SCRAMBLES, upper, within)
+    ascending = [np.sort(scramble, axis=1) for scramble in np.split(inverse, SCRAMBLES, axis=1)]
+    quantiles = np.stack([_ranked_quantiles(scramble, upper) for scramble in ascending])
+    # Draws that give no depth are NaN, which is not positive either.
     counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
-    failed = np.clip(counted - off.failed, 0.0, 1.0)
-    radii = np.stack([within.radius(one) for one in ascending]) - off.radius
+    failed = np.clip(counted - sampling.failed, 0.0, 1.0)
+    radii = np.stack([within.radius(scramble) for scramble in ascending]) - sampling.radius
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=probabilities,
-        quantiles=np.where(seen, depth_from_inverse(quantiles - off.quantiles), np.nan),
+        quantiles=np.where(seen, depth_from_inverse(quantiles - sampling.quantiles), np.nan),
         failures=lambda: np.where(seen, failed, np.nan),
         radii=lambda: np.where(seen, radii, np.nan),
         counting_step=1.0 / (SCRAMBLES * draws),
@@ -436,21 +442,12 @@ def _of_draws(
 def _ranked_quantiles(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
     """Quantiles (probabilities, distances) of the sorted draws that give a depth; the others, NaN, are the last."""
     missing = np.isnan(ascending).sum(axis=1)
-    found = np.full((probabilities.size, len(ascending)), np.nan)
+    quantiles = np.full((probabilities.size, len(ascending)), np.nan)
     whole = missing == 0
-    found[:, whole] = order_quantile(ascending[whole], probabilities)
+    quantiles[:, whole] = order_quantile(ascending[whole], probabilities)
     for row in np.flatnonzero(~whole & (missing < ascending.shape[1])):
-        found[:, row] = order_quantile(ascending[row, : -missing[row]], probabilities)
-    return found
-
-
-@lru_cache(maxsize=1024)
-def _first_error(camera: DepthCamera, field: FieldPosition, error_source: str) -> float:
-    """The largest sampling error over the judged distances with the first draws; 0 where nothing is judged."""
-    judged = _requested(camera)
-    if not judged.size:
-        return 0.0
-    return float(np.max(_of_draws(camera, judged, field, error_source, _FIRST_DRAWS).sampling_error(widest=judged)))
+        quantiles[:, row] = order_quantile(ascending[row, : -missing[row]], probabilities)
+    return quantiles
 
 
 @lru_cache(maxsize=1024)
@@ -460,10 +457,10 @@ def settled_draws(camera: DepthCamera, field: FieldPosition, error_source: str) 
     Intervals narrower than their distance and intervals without a far end are judged; those in between are reported
     with their larger error.
     """
-    propagation, judged = camera.propagation, _requested(camera)
-    draws, error = _FIRST_DRAWS, _first_error(camera, field, error_source)
-    while error > propagation.tolerance and 2 * draws * SCRAMBLES <= propagation.max_draws:
+    propagation, judged, draws = camera.propagation, _requested(camera), _FIRST_DRAWS
+    while judged.size and 2 * draws * SCRAMBLES <= propagation.max_draws:
+        depth = _of_draws(camera, judged, field, error_source, draws)
+        if np.max(depth.sampling_error(widest=judged)) <= propagation.tolerance:
+            break
         draws *= 2
-        found = _of_draws(camera, judged, field, error_source, draws)
-        error = float(np.max(found.sampling_error(widest=judged)))
     return draws

@@ -95,27 +95,27 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: FieldPositi
 
     Where the camera forms no image or does not see the point, all its measurements are NaN.
     """
-    given, distance = distance, imaged(camera, distance)
-    found = [distribution(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
-    uncertainty, failed, radius = (
-        np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction", "error_radius")
-    )
+    requested, distance = distance, imaged(camera, distance)
+    depths = [distribution(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
+    uncertainty = np.stack([depth.half_width for depth in depths])
+    failed = np.stack([depth.failed_fraction for depth in depths])
+    radius = np.stack([depth.error_radius for depth in depths])
     if camera.propagation.model != "exact":
-        measured = [model_error(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
-        uncertainty_error = np.stack([one.half_width for one in measured]) * finite(uncertainty)
-        radius_error = np.stack([one.radius for one in measured]) * finite(radius)
-        failed_error = np.stack([one.failed_fraction for one in measured])
+        errors = [model_error(camera, distance, error_source, field) for error_source in ERROR_SOURCES]
+        uncertainty_error = np.stack([error.half_width for error in errors]) * finite(uncertainty)
+        radius_error = np.stack([error.radius for error in errors]) * finite(radius)
+        failed_error = np.stack([error.failed_fraction for error in errors])
         converged = np.ones(distance.shape, dtype=bool)
     else:
-        uncertainty_error = np.stack([one.half_width_error for one in found])
-        radius_error = np.stack([one.error_radius_error for one in found])
-        failed_error = np.stack([one.failed_fraction_error for one in found])
-        converged = np.logical_and.reduce([one.converged(camera.propagation.tolerance) for one in found])
+        uncertainty_error = np.stack([depth.half_width_error for depth in depths])
+        radius_error = np.stack([depth.error_radius_error for depth in depths])
+        failed_error = np.stack([depth.failed_fraction_error for depth in depths])
+        converged = np.logical_and.reduce([depth.converged(camera.propagation.tolerance) for depth in depths])
     return DepthEvaluation(
-        distance=given,
+        distance=requested,
         discrimination=np.stack(camera.depth_discrimination(distance)),
         uncertainty=uncertainty,
-        quantile=np.stack([one.quantile.T for one in found]),
+        quantile=np.stack([depth.quantile.T for depth in depths]),
         failed_fraction=failed,
         error_radius=radius,
         error_radius_error=radius_error,
@@ -212,21 +212,21 @@ def model_error(
     If all errors are normal, the exact model to second order gives the error. Otherwise draws at some of these
     distances do: between two of them, the larger error counts, plus twice the standard error of the draws.
     """
-    known = distance[~np.isnan(distance)]
-    if not known.size or error_source == "noise" or not camera.calibration.groups:  # exact in every model
+    seen = distance[~np.isnan(distance)]
+    if not seen.size or error_source == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return ModelError(half_width=none, radius=none, judged=none, intervals=none, failures=lambda: none)
     if (curved := second_order(camera, distance, field, error_source)) is not None:
         line = distribution(camera, distance, error_source, field)
-        read = curved.expected
+        expected = curved.expected
         return ModelError(
-            half_width=_apart(read.half_widths(ONE_SIGMA), line.half_widths(ONE_SIGMA)) + curved.uncertain,
-            radius=_apart(read.error_radii, line.error_radii) + curved.uncertain,
-            judged=_apart(read.judged_widths, line.judged_widths) + curved.uncertain,
-            intervals=_apart_anywhere(line, read, camera) + curved.uncertain,
-            failures=lambda: np.abs(line.failed_fraction - read.failed_fraction),
+            half_width=_apart(expected.half_widths(ONE_SIGMA), line.half_widths(ONE_SIGMA)) + curved.uncertain,
+            radius=_apart(expected.error_radii, line.error_radii) + curved.uncertain,
+            judged=_apart(expected.judged_widths, line.judged_widths) + curved.uncertain,
+            intervals=_apart_anywhere(line, expected, camera) + curved.uncertain,
+            failures=lambda: np.abs(line.failed_fraction - expected.failed_fraction),
         )
-    places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
+    places = seen[np.unique(np.linspace(0, seen.size - 1, _PILOTS).round().astype(int))]
     draws = trial_distribution(camera, places, field, error_source)
     line = distribution(camera, places, error_source, field)
     neighbour = partial(_larger_neighbour, distance, places)
@@ -249,26 +249,26 @@ def clear_departure(camera: DepthCamera, distance: FloatArray, field: FieldPosit
 
     A cheap first estimate for errors of any distribution; 0 where it gives no answer, NaN where nothing is measured.
     """
-    read = second_order(camera, distance, field, "both", any_shape=True)
-    if read is None:
+    curved = second_order(camera, distance, field, "both", any_shape=True)
+    if curved is None:
         return np.zeros(distance.shape)
-    return _apart_anywhere(distribution(camera, distance, "both", field), read.expected, camera)
+    return _apart_anywhere(distribution(camera, distance, "both", field), curved.expected, camera)
 
 
-def _apart_anywhere(one: DepthDistribution, other: DepthDistribution, camera: DepthCamera) -> FloatArray:
+def _apart_anywhere(depth: DepthDistribution, other: DepthDistribution, camera: DepthCamera) -> FloatArray:
     """The largest bound on the difference of the half widths of all reported intervals and of the judged widths."""
-    found = [_apart(one.half_widths(share), other.half_widths(share)) for share in camera.propagation.coverages]
-    return np.asarray(np.fmax.reduce([*found, _apart(one.judged_widths, other.judged_widths)]))
+    bounds = [_apart(depth.half_widths(share), other.half_widths(share)) for share in camera.propagation.coverages]
+    return np.asarray(np.fmax.reduce([*bounds, _apart(depth.judged_widths, other.judged_widths)]))
 
 
-def _apart(one: FloatArray, other: FloatArray) -> FloatArray:
+def _apart(widths: FloatArray, other: FloatArray) -> FloatArray:
     """Bound on the difference of widths (scrambles, distances), relative to ``other``; infinite if one alone is."""
-    width, drawn = np.mean(one, axis=0), np.mean(other, axis=0)
+    width, reference = np.mean(widths, axis=0), np.mean(other, axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.nan_to_num((standard_error(one) + standard_error(other)) / drawn)
-        relative = np.abs(width / drawn - 1.0) + 2.0 * error
-    lost = np.isinf(width) | np.isinf(drawn)
-    return np.where(np.isinf(width) & np.isinf(drawn), 0.0, np.where(lost, np.inf, relative))
+        error = np.nan_to_num((standard_error(widths) + standard_error(other)) / reference)
+        relative = np.abs(width / reference - 1.0) + 2.0 * error
+    lost = np.isinf(width) | np.isinf(reference)
+    return np.where(np.isinf(width) & np.isinf(reference), 0.0, np.where(lost, np.inf, relative))
 
 
 def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
@@ -283,14 +283,14 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: FieldPosit
 
     Linearises inverse depth; NaN if an uncertain parameter has no variance, or where nothing is measured.
     """
-    parts = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
-    names = ("noise", *dict.fromkeys(parts.values()))
+    part_of = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
+    parts = ("noise", *dict.fromkeys(part_of.values()))
     try:
         line = linearised_depth(camera, distance, field, "noise" if camera.propagation.model == "off" else "both")
     except OutOfRangeError:
-        return {name: np.full(distance.shape, np.nan) for name in names}
-    rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]
-    return dict(zip(names, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
+        return {part: np.full(distance.shape, np.nan) for part in parts}
+    rows = [[k for k, name in enumerate(line.parameters) if part_of.get(name, "noise") == part] for part in parts]
+    return dict(zip(parts, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
 
 
 def imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:

@@ -12,7 +12,13 @@ import numpy as np
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE, FieldPosition
-from tradestudy.depth.distribution import DepthDistribution, error_radius, last_score, share_of_true_matches
+from tradestudy.depth.distribution import (
+    FARTHEST_SCORE,
+    DepthDistribution,
+    error_radius,
+    last_score,
+    share_of_true_matches,
+)
 from tradestudy.depth.draws import MeasuresDepth, fixed_errors, read_draws, uncertain_groups
 from tradestudy.depth.remembered import remembered
 from tradestudy.errors import OutOfRangeError
@@ -26,8 +32,7 @@ from tradestudy.uncertainty.sources import Source, Sources
 # 1e-12, which leaves them smooth for solvers, with a truncation error of a ten-thousandth of the third-order term.
 _STEP: Final = 1e-2
 _LEAST_NOISE_PX: Final = 1e-2  # smallest step of the noise; a smaller one would be lost in rounding
-_NEVER: Final = 1e-18
-_FARTHEST_SCORE: Final = 9.0  # the probability beyond it is below 1e-18
+_NEVER: Final = 1e-18  # a failed share below it lies beyond the farthest score and counts as 0
 _INFINITY_TO: Final = 1e-7  # of a standard deviation
 
 
@@ -58,7 +63,7 @@ class LinearisedDepth:
 
     def without(self, name: str) -> LinearisedDepth:
         """Leave one parameter out."""
-        kept = [k for k, own in enumerate(self.parameters) if own != name]
+        kept = [k for k, parameter in enumerate(self.parameters) if parameter != name]
         return LinearisedDepth(
             parameters=tuple(self.parameters[k] for k in kept),
             covariance=self.covariance[np.ix_(kept, kept)],
@@ -108,9 +113,11 @@ def linearised_depth(
     if PIXEL_NOISE in names:  # in units of its own standard deviation
         step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
     values = fixed_errors(camera, error_source)
+    # Each draw moves one parameter up or down, so that one reading of the camera gives all differences. Only the noise
+    # has a step of its own at each distance, and parameters that stay zero are left out.
     for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
-        acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
-        values[names[k]] = mean[k] + np.concatenate([acts, -acts])
+        moved = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
+        values[names[k]] = mean[k] + np.concatenate([moved, -moved])
     sensitivity = np.zeros((len(names), distance.size))
     if moving.size:
         read = read_draws(camera, values, distance, field, noise)
@@ -150,22 +157,24 @@ def scaled_noise(
 
     probabilities = camera.propagation.probabilities
     under_noise = _under_noise(camera, distance, field)
+    # Depth falls as the noise rises, so the probabilities of near depths belong to high scores.
     depths = depth_from_inverse(under_noise(-ndtri(np.array(probabilities))[:, None] * scale))
     seen = ~np.isnan(depths).any(axis=0)
 
     def failures() -> FloatArray:
-        score = _score_of_infinity(under_noise, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
-        shares = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        score = _score_of_infinity(under_noise, FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        # Without any error, a measurement fails always or never, by the sign of the score: a small scale gives 1 or 0.
+        shares = ndtr(score / np.where(scale > 0.0, scale, FARTHEST_SCORE**-2))
         failed = np.where(shares > _NEVER, shares, 0.0)
         return np.where(seen, failed, np.nan)[None]
 
     def radii() -> FloatArray:
-        found = error_radius(
+        radius = error_radius(
             lambda scores: depth_from_inverse(under_noise(scores * scale)),
             distance,
             share_of_true_matches(false_matches),
         )
-        return np.where(seen, found, np.nan)[None]
+        return np.where(seen, radius, np.nan)[None]
 
     return DepthDistribution(
         probabilities=probabilities,
@@ -186,17 +195,17 @@ def _under_noise(
 
 def _score_of_infinity(under_noise: Callable[[FloatArray], FloatArray], reach: FloatArray) -> FloatArray:
     """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
+    # Inverse depth rises with the score, so infinity lies within reach only if the ends lie on both sides of it.
     beyond = under_noise(np.stack([-reach, reach])) <= 0.0
-    found = np.where(beyond[1], reach, -reach)
-    open_ = beyond[0] & ~beyond[1]
-    if open_.any():
+    score = np.where(beyond[1], reach, -reach)
+    within = beyond[0] & ~beyond[1]
+    if within.any():
         ends, _ = last_score(reach, lambda scores: -under_noise(scores)[:, np.newaxis], to=_INFINITY_TO)
-        found[open_] = np.mean(ends, axis=0)[open_]
-    return np.asarray(found)
+        score[within] = np.mean(ends, axis=0)[within]
+    return np.asarray(score)
 
 
 _SECOND_STEP: Final = 1e-2  # standard deviations, for the gradient
-_FARTHEST: Final = 9.0  # standard deviations; the probability beyond is below 1e-18
 _SECTIONS: Final = 16
 _SECOND_ROUNDS: Final = 2  # to 0.07 standard deviations, with linear interpolation within these
 _UNCERTAIN: Final = 0.5  # of the changes of half widths due to mean and variance across the steepest direction
@@ -256,9 +265,10 @@ def second_order(
     count = sources.dimensions
 
     def read(scores: FloatArray) -> FloatArray:
-        spread = np.broadcast_to(scores, (count, scores.shape[1], distance.size))
-        drawn = sources.draw(spread.reshape(count, -1))
-        values = {name: one.reshape(spread.shape[1:]) if one.size > 1 else one for name, one in drawn.items()}
+        # The steepest direction depends on the distance, so every distance has errors of its own.
+        at_distances = np.broadcast_to(scores, (count, scores.shape[1], distance.size))
+        drawn = sources.draw(at_distances.reshape(count, -1))
+        values = {name: errors.reshape(at_distances.shape[1:]) for name, errors in drawn.items()}
         return read_draws(
             camera, {**fixed_errors(camera, error_source), **values}, distance, field, camera.noise(distance, field)
         )
@@ -272,14 +282,14 @@ def second_order(
 
     false_matches = false_match_share(camera, error_source)
 
-    def of(inverse: FloatArray) -> DepthDistribution:
+    def with_quantiles(inverse: FloatArray) -> DepthDistribution:
         unseen = np.isnan(inverse).any(axis=0)
         depths = np.where(unseen, np.nan, depth_from_inverse(inverse))
-        between = partial(_between, camera, inverse)
+        read_between = partial(_between, camera, inverse)
 
         def radii() -> FloatArray:
-            found = error_radius(between, distance, share_of_true_matches(false_matches))
-            return np.where(unseen, np.nan, found)[np.newaxis]
+            radius = error_radius(read_between, distance, share_of_true_matches(false_matches))
+            return np.where(unseen, np.nan, radius)[np.newaxis]
 
         return DepthDistribution(
             probabilities=camera.propagation.probabilities,
@@ -289,11 +299,12 @@ def second_order(
             false_matches=false_matches,
         )
 
-    expected = of(along + moved + spread)
+    expected = with_quantiles(along + moved + spread)
     width = expected.half_widths(ONE_SIGMA)[0]
-    without = [of(one).half_widths(ONE_SIGMA)[0] for one in (along + moved, along + spread)]
+    # Neglected higher orders are taken to change a width by at most a share of what these two shifts do.
+    without = [with_quantiles(inverse).half_widths(ONE_SIGMA)[0] for inverse in (along + moved, along + spread)]
     with np.errstate(invalid="ignore", divide="ignore"):
-        changes = [np.where(np.isinf(width) & np.isinf(one), 0.0, np.abs(np.log(width / one))) for one in without]
+        changes = [np.where(np.isinf(width) & np.isinf(other), 0.0, np.abs(np.log(width / other))) for other in without]
     uncertain = _UNCERTAIN * np.sum(changes, axis=0)
     return SecondOrder(expected=expected, uncertain=np.nan_to_num(uncertain, nan=np.inf, posinf=np.inf))
 
@@ -305,13 +316,13 @@ def all_normal(camera: DepthCamera) -> bool:
 
 def _is_normal(group: object) -> bool:
     if isinstance(group, GaussianCopula):
-        return all(isinstance(one, Normal) for one in group.marginals)
+        return all(isinstance(marginal, Normal) for marginal in group.marginals)
     return isinstance(group, JointNormal) or (isinstance(group, Source) and isinstance(group.distribution, Normal))
 
 
 def _read_together(read: Reader, *scores: FloatArray) -> list[FloatArray]:
     """Evaluate several sets of scores in one call, which takes hardly longer than one set alone."""
-    ends = np.cumsum([one.shape[1] for one in scores])
+    ends = np.cumsum([points.shape[1] for points in scores])
     return np.split(read(np.concatenate(scores, axis=1)), ends[:-1])
 
 
@@ -333,16 +344,18 @@ def _quantiles(
     dimensions, others, distances = across.shape
     ahead = scores * steepest[:, np.newaxis]
     right, left = (
-        (ahead[:, :, np.newaxis] + one[:, np.newaxis]).reshape(dimensions, -1, distances) for one in (across, -across)
+        (ahead[:, :, np.newaxis] + side[:, np.newaxis]).reshape(dimensions, -1, distances) for side in (across, -across)
     )
     first, second = np.triu_indices(others, k=1)
     along, right, left, pairs = _read_together(read, ahead, right, left, across[:, first] + across[:, second])
-    right, left = (one.reshape(len(probabilities), others, distances) for one in (right, left))
+    right, left = (inverse.reshape(len(probabilities), others, distances) for inverse in (right, left))
     curvature = right + left - 2.0 * along[:, np.newaxis]
     median = len(probabilities) // 2
     mixed = pairs - right[median, first] - right[median, second] + along[median]
     slopes = np.sum(((right - left) / 2.0) ** 2, axis=1)
+    # ‖K‖² contains every mixed derivative twice; it is computed at the median alone.
     variance = slopes + 0.5 * np.sum(curvature[median] ** 2, axis=0) + np.sum(mixed**2, axis=0)
+    # The slopes d are proportional to u, so the derivative of Σ d² is 2 Σ d² / u, and 0 at the median.
     growth = np.divide(2.0 * slopes, scores, out=np.zeros_like(slopes), where=np.abs(scores) > _MEDIAN)
     with np.errstate(invalid="ignore", divide="ignore"):
         return along, 0.5 * np.sum(curvature, axis=1), (scores * variance - growth) / (2.0 * length)
@@ -355,10 +368,10 @@ def _between(camera: DepthCamera, inverse: FloatArray, scores: FloatArray) -> Fl
     nodes = -ndtri(np.array(camera.propagation.probabilities))
     within = np.clip(scores, nodes[-1], nodes[0])
     powers = np.linalg.solve(np.vander(nodes), inverse)
-    found = np.zeros(within.shape)
+    between = np.zeros(within.shape)
     for power in powers:
-        found = found * within + power
-    return depth_from_inverse(found)
+        between = between * within + power
+    return depth_from_inverse(between)
 
 
 def _failed(read: Reader, steepest: FloatArray) -> FloatArray:
@@ -366,15 +379,15 @@ def _failed(read: Reader, steepest: FloatArray) -> FloatArray:
     from scipy.special import ndtr
 
     place = np.arange(steepest.shape[1])
-    low, high = np.full((2, place.size), [[-_FARTHEST], [_FARTHEST]])
+    low, high = np.full((2, place.size), [[-FARTHEST_SCORE], [FARTHEST_SCORE]])
     for _ in range(_SECOND_ROUNDS):
         searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
-        found = read(searched * steepest[:, np.newaxis])
+        inverse = read(searched * steepest[:, np.newaxis])
         # Inverse depth rises along the steepest direction, so failures lie below a certain score.
-        last = np.sum(~(found > 0.0), axis=0) - 1
+        last = np.sum(~(inverse > 0.0), axis=0) - 1
         row = np.clip(last, 0, _SECTIONS - 1)
         low, high = searched[row, place], searched[row + 1, place]
-    below, above = found[row, place], found[row + 1, place]
+    below, above = inverse[row, place], inverse[row + 1, place]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.nan_to_num(np.clip(-below / (above - below), 0.0, 1.0))
     score = low + share * (high - low)

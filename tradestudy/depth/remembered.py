@@ -26,14 +26,14 @@ def remembered(
 
     def keeping(function: OverDistance[Camera, Others, Found]) -> OverDistance[Camera, Others, Found]:
         @lru_cache(maxsize=size)
-        def known(camera: Camera, distances: bytes, *args: Others.args, **named: Others.kwargs) -> Found:
+        def cached(camera: Camera, distances: bytes, *args: Others.args, **named: Others.kwargs) -> Found:
             return function(camera, np.frombuffer(distances), *args, **named)
 
         @wraps(function)
         def read(camera: Camera, distance: FloatArray, *args: Others.args, **named: Others.kwargs) -> Found:
-            return known(camera, np.asarray(distance, dtype=np.float64).tobytes(), *args, **named)  # type: ignore[arg-type]
+            return cached(camera, np.asarray(distance, dtype=np.float64).tobytes(), *args, **named)  # type: ignore[arg-type]
 
-        read.cache_clear = known.cache_clear  # type: ignore[attr-defined]
+        read.cache_clear = cached.cache_clear  # type: ignore[attr-defined]
         return read  # type: ignore[return-value]
 
     return keeping

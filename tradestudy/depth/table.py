@@ -51,15 +51,16 @@ class _Curves:
         place = np.log(distance / self.distance[0]) / step
         interval = np.clip(place.astype(int), 0, self.distance.size - 2)
         first = self._first[interval]
+        # The lower order uses four of the six nodes, two on each side of the distance where the six allow it.
         inner = first + np.clip(interval - first - 1, 0, 2)
         around = self.values[..., first[:, None] + np.arange(2 * _HALF_STENCIL)]
         near = self.values[..., inner[:, None] + np.arange(2 * _HALF_STENCIL - 2)]
         with np.errstate(invalid="ignore"):  # infinite values at a node: not known between nodes
-            read, lower = (
+            value, lower = (
                 np.sum(values * lagrange_weights(np.arange(float(values.shape[-1])), place - start), axis=-1)
                 for values, start in ((around, first), (near, inner))
             )
-            return read, np.abs(read - lower), around
+            return value, np.abs(value - lower), around
 
     @cached_property
     def _first(self) -> IndexArray:
@@ -68,6 +69,7 @@ class _Curves:
         firsts = np.stack([intervals + 1 - _HALF_STENCIL + shift for shift in (0, -1, 1, -2, 2)])
         firsts = np.clip(firsts, 0, self.distance.size - 2 * _HALF_STENCIL)
         known = np.isfinite(self.values).reshape(-1, self.distance.size).all(axis=0)
+        # The first shift without unknown values counts; without one, the centred nodes give NaN, which is never safe.
         whole = np.asarray(sliding_window_view(known, 2 * _HALF_STENCIL).all(axis=1))
         return np.asarray(firsts[whole[firsts].argmax(axis=0), intervals])
 
@@ -150,13 +152,15 @@ class _Reading:
     @cached_property
     def _ends(self) -> tuple[FloatArray, BoolArray, BoolArray]:
         """Interpolated ends (`_Table.ends`) as depth relative to the distance, where all are safe, and where unseen."""
-        read, off, around = self.table.ends.read(self.distance[self.inside])
+        value, error, around = self.table.ends.read(self.distance[self.inside])
         beyond = np.all(around == -1.0, axis=-1)  # infinity at all nodes
         with np.errstate(divide="ignore", invalid="ignore"):
-            relative = 1.0 / np.where(beyond, 0.0, 1.0 + read)
+            relative = 1.0 / np.where(beyond, 0.0, 1.0 + value)
             widths = relative - 1.0
+            # All quantiles share the width of the widest interval; an infinite end counts as 0, which leaves it finite.
             widths[:, :-1] = np.ptp(np.where(np.isinf(relative), 0.0, relative)[:, :-1], axis=1, keepdims=True) / 2.0
-            safe = beyond | (off * relative**2 <= self._allowed(widths)) & (relative > 0.0)
+            # Depth is the inverse of what is interpolated: its error is larger by the square of depth.
+            safe = beyond | (error * relative**2 <= self._allowed(widths)) & (relative > 0.0)
         unseen = np.isnan(around).all(axis=(0, 1, 3))
         return relative, np.asarray(np.all(safe, axis=(0, 1))), np.asarray(unseen)
 
@@ -164,40 +168,43 @@ class _Reading:
     def quantiles(self) -> FloatArray:
         """Quantiles of depth [m], shape (scrambles, probabilities, distances)."""
         relative, safe, _ = self._ends
-        depth = self.distance[self.inside] * np.where(safe, relative[:, :-1], 1.0)
-        return self._filled(depth, safe, lambda one: one.quantiles)
+        return self._filled(self.distance[self.inside] * relative[:, :-1], safe, lambda depth: depth.quantiles)
 
     @cached_property
     def radii(self) -> FloatArray:
         """Error radii [m], shape (scrambles, distances)."""
         relative, safe, _ = self._ends
-        return self._filled(self.distance[self.inside] * (relative[:, -1] - 1.0), safe, lambda one: one.error_radii)
+        return self._filled(self.distance[self.inside] * (relative[:, -1] - 1.0), safe, lambda depth: depth.error_radii)
 
     @cached_property
     def failures(self) -> FloatArray:
         """Failed shares, shape (scrambles, distances)."""
-        read, off, _ = self.table.failures.read(self.distance[self.inside])
-        allowed = np.maximum(self._allowed(read), _NEGLIGIBLE + _SAFE_DRAWN * self.table.nodes.counting_step)
-        safe = self._ends[1] & np.all(off <= allowed, axis=0)
-        return self._filled(np.clip(read, 0.0, 1.0), safe, lambda one: one.failures())
+        share, error, _ = self.table.failures.read(self.distance[self.inside])
+        allowed = np.maximum(self._allowed(share), _NEGLIGIBLE + _SAFE_DRAWN * self.table.nodes.counting_step)
+        # Where ends are computed at the distance, so are failures: a table can show none where half of them fail.
+        safe = self._ends[1] & np.all(error <= allowed, axis=0)
+        return self._filled(np.clip(share, 0.0, 1.0), safe, lambda depth: depth.failures())
 
     def _allowed(self, widths: FloatArray) -> FloatArray:
         """The largest error of interpolated values, shape (scrambles, distances)."""
+        # Without draws the deviation is 0, and only the smallest error of a width is allowed.
         drawn = _SAFE_DRAWN * np.nan_to_num(standard_error(widths)) * math.sqrt(len(widths))
         return np.clip(drawn, _SAFE * np.abs(widths), _MOST_DRAWN * np.abs(widths))
 
-    def _filled(self, read: FloatArray, safe: BoolArray, of: Callable[[DepthDistribution], FloatArray]) -> FloatArray:
+    def _filled(
+        self, read: FloatArray, safe: BoolArray, quantity: Callable[[DepthDistribution], FloatArray]
+    ) -> FloatArray:
         """What was read where it is safe, and what is computed elsewhere."""
-        found = np.full((*read.shape[:-1], self.distance.size), np.nan)
+        values = np.full((*read.shape[:-1], self.distance.size), np.nan)
         kept = self.inside.copy()
         kept[self.inside] = safe
-        found[..., kept] = read[..., safe]
+        values[..., kept] = read[..., safe]
         missing = ~kept & ~np.isnan(self.distance)
         missing[self.inside] &= ~self._ends[2]  # where nothing is measured at any node around
         if missing.any():
-            there = distribution(self.camera, self.distance[missing], self.error_source, self.field)
-            found[..., missing] = of(there)
-        return found
+            computed = distribution(self.camera, self.distance[missing], self.error_source, self.field)
+            values[..., missing] = quantity(computed)
+        return values
 
 
 @lru_cache(maxsize=512)
@@ -216,11 +223,12 @@ def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
     with np.errstate(divide="ignore", invalid="ignore"):
         seen, step = imaged(camera, dense), camera.discrimination_step_px * camera.sample_pitch
         change = np.log(seen - camera.depth_of_disparity(camera.disparity(seen) + step, seen))
+        # The dense points show how far the change departs from a straight line between two nodes.
         line = np.interp(np.arange(count), np.arange(0, count, _DENSER), change[::_DENSER])
         apart = np.nan_to_num(np.abs(change - line)).reshape(-1)[:-1].reshape(-1, _DENSER)
-    found = np.flatnonzero(apart.max(axis=1) > _NARROW) * _DENSER
-    peaks = found + apart[found // _DENSER].argmax(axis=1)
-    around = np.concatenate([found, peaks, found + _DENSER])
+    starts = np.flatnonzero(apart.max(axis=1) > _NARROW) * _DENSER
+    peaks = starts + apart[starts // _DENSER].argmax(axis=1)
+    around = np.concatenate([starts, peaks, starts + _DENSER])
     return tuple(np.unique(dense[around]).tolist())
 
 
@@ -244,7 +252,8 @@ def judged_uncertainty_error(
     depth: Reading = distribution_between,
 ) -> FloatArray:
     """Estimated error of `judged_uncertainty` [m]: the standard error of draws, or the error of a cheaper model."""
-    found = depth(camera, imaged(camera, distance), error_source, field)
+    distance = imaged(camera, distance)
+    depths = depth(camera, distance, error_source, field)
     if camera.propagation.model == "exact":
-        return found.judged_error
-    return np.asarray(model_error(camera, imaged(camera, distance), error_source, field).judged * finite(found.judged))
+        return depths.judged_error
+    return np.asarray(model_error(camera, distance, error_source, field).judged * finite(depths.judged))

@@ -128,23 +128,25 @@ def boundaries(
         Relative accuracy that suffices, if the last digits do not matter.
     """
     known = _margins(condition(distance) if known is None else known)
-    held = known >= 0.0
+    held = known >= 0.0  # an unknown margin, NaN, counts as violated
     change = np.flatnonzero(held[1:] != held[:-1])
     low, high, begins = distance[change], distance[change + 1], held[change + 1]
-    ends, before = np.stack([known[change], known[change + 1]]), np.full(change.size, np.inf)
+    ends, previous = np.stack([known[change], known[change + 1]]), np.full(change.size, np.inf)
     four = stencil(change, distance.size)
     around = np.stack([distance[four], known[four]])
+    # Brackets that are narrow enough stay as they are, so that every boundary is the one found alone.
     while (wide := np.flatnonzero(high - low > np.maximum(2.0 * np.spacing(high), to * high))).size:
         columns, kept, least = np.arange(wide.size), ends[:, wide], to * high[wide]
-        inner = between((low[wide], high[wide]), around[..., wide], before[wide], SUBDIVISIONS, least)
+        inner = between((low[wide], high[wide]), around[..., wide], previous[wide], SUBDIVISIONS, least)
         points = np.vstack([low[wide], inner, high[wide]])
-        found = np.vstack([kept[0], _margins(condition(inner.ravel())).reshape(inner.shape), kept[1]])
-        first = np.argmax((found[1:] >= 0.0) == begins[wide], axis=0)
-        before[wide] = high[wide] - low[wide]
+        margins = np.vstack([kept[0], _margins(condition(inner.ravel())).reshape(inner.shape), kept[1]])
+        first = np.argmax((margins[1:] >= 0.0) == begins[wide], axis=0)
+        previous[wide] = high[wide] - low[wide]
         low[wide], high[wide] = points[first, columns], points[first + 1, columns]
-        ends[:, wide] = found[first, columns], found[first + 1, columns]
+        ends[:, wide] = margins[first, columns], margins[first + 1, columns]
         four = stencil(first, len(points))
-        around[..., wide] = points[four, columns], found[four, columns]
+        around[..., wide] = points[four, columns], margins[four, columns]
+    # Of the two ends of a bracket, the boundary is the one where the condition holds.
     return tuple(
         Boundary(distance=float(where), begins=bool(begin))
         for where, begin in zip(np.where(begins, high, low), begins, strict=True)
@@ -153,12 +155,12 @@ def boundaries(
 
 def margin(met: BoolArray, difference: FloatArray) -> FloatArray:
     """Margin of a condition, negative where it is violated, from the difference of its value and its bound."""
-    size = np.maximum(np.abs(difference), np.finfo(np.float64).tiny)
+    size = np.maximum(np.abs(difference), np.finfo(np.float64).tiny)  # 0 has no sign to show a violation
     return np.where(met, size, -size)
 
 
-def _margins(found: BoolArray | FloatArray) -> FloatArray:
-    return np.where(found, 1.0, -1.0) if found.dtype == np.bool_ else np.asarray(found, dtype=np.float64)
+def _margins(values: BoolArray | FloatArray) -> FloatArray:
+    return np.where(values, 1.0, -1.0) if values.dtype == np.bool_ else np.asarray(values, dtype=np.float64)
 
 
 def usable_ends(
@@ -211,7 +213,7 @@ def kept_by(
     law = camera.disparity_error_px
     kept = []
     if "matching" in names and not isinstance(law, float | int):
-        kept.append(law.margin(camera, distance))
+        kept.append(law.margin(camera, distance))  # of all its conditions; its limit states only one value
     others = [name for name in names if name != "matching"]
     if others:
         limits = evaluate_limits(camera, criteria, distance, others, depth=depth).values()
@@ -234,14 +236,14 @@ def _intervals(camera: DepthCamera, distance: FloatArray, criteria: UsableCriter
     distance = sought(camera, distance)
     limits = evaluate_limits(camera, criteria, distance)
     ends = usable_ends(camera, criteria, distance, limits)
-    found = {
-        (end.begins, end.distance): (name, _end_error(camera, criteria, end, name))
-        for end, name in zip(ends, _binding(camera, criteria, ends), strict=True)
+    at_ends = {
+        (end.begins, end.distance): (binding, _end_error(camera, criteria, end, binding))
+        for end, binding in zip(ends, _binding(camera, criteria, ends), strict=True)
     }
     intervals = []
     for near, far in usable_stretches(ends, distance, all_met(limits, distance.shape)):
         (near_limit, near_error), (far_limit, far_error) = (
-            found.get(end, (END_OF_STUDY, 0.0)) for end in ((True, near), (False, far))
+            at_ends.get(end, (END_OF_STUDY, 0.0)) for end in ((True, near), (False, far))
         )
         intervals.append(
             Interval(
@@ -263,22 +265,22 @@ def sought(camera: DepthCamera, distance: FloatArray) -> FloatArray:
         return distance
     more = [*narrow_features(camera), *camera.propagation.judged]
     nodes = np.geomspace(first, last, 2 + math.ceil(NODES_PER_FACTOR * math.log(last / first)))[1:-1]
-    inside = [one for one in more if first < one < last]
+    inside = [place for place in more if first < place < last]
     return np.unique(np.concatenate([distance, nodes, inside]))
 
 
-def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, name: str) -> float:
+def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, binding: str) -> float:
     """Standard error [m] of an end set by a limit on drawn depths; 0 for other ends."""
-    names = [one for one in name.split(", ") if one in _OF_DEPTH]
+    names = [limit for limit in binding.split(", ") if limit in _OF_DEPTH]
     if camera.propagation.model != "exact" or not names:
         return 0.0
     grid = places_around(end.distance)
-    found = distribution_between(camera, grid)
+    depth = distribution_between(camera, grid)
     kept = []
     if "failed_fraction" in names:
-        kept.append((criteria.failed_fraction or 0.0) - found.failed)
+        kept.append((criteria.failed_fraction or 0.0) - depth.failed)
     if "relative_uncertainty" in names:
-        kept.append((criteria.relative_uncertainty or 0.0) - found.judged_widths / grid)
+        kept.append((criteria.relative_uncertainty or 0.0) - depth.judged_widths / grid)
     return scramble_error(np.min(kept, axis=0), end.distance)
 
 
@@ -304,7 +306,7 @@ def scramble_error(values: FloatArray, distance: float) -> float:
     """
     if len(values) < 2:
         return 0.0
-    logs, found = np.log(places_around(distance)), []
+    logs, nearest = np.log(places_around(distance)), []
     for row in values:
         with np.errstate(invalid="ignore"):  # an infinite value has a sign
             turns = np.flatnonzero(np.sign(row[1:]) * np.sign(row[:-1]) <= 0.0)
@@ -312,12 +314,13 @@ def scramble_error(values: FloatArray, distance: float) -> float:
         if not turns.size:
             return float("inf")
         roots = logs[turns] + np.where(np.isfinite(shares), shares, 0.5) * (logs[turns + 1] - logs[turns])
-        found.append(float(roots[np.argmin(np.abs(roots - np.log(distance)))]))
-    return float(distance * np.std(found, ddof=1) / np.sqrt(len(found)))
+        nearest.append(float(roots[np.argmin(np.abs(roots - np.log(distance)))]))
+    return float(distance * np.std(nearest, ddof=1) / np.sqrt(len(nearest)))
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:
     """The limits violated just outside each end; for matching, with the condition."""
+    # All limits hold at an end itself; just outside, but well beyond its accuracy, only those that set it are violated.
     outside = np.array([end.distance * (1.0 - 1e-9 if end.begins else 1.0 + 1e-9) for end in ends])
     limits = evaluate_limits(camera, criteria, outside) if ends else {}
     law, binding = camera.disparity_error_px, []
