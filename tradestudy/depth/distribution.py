@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -181,7 +182,8 @@ FARTHEST_SCORE: Final = 9.0
 _RADIUS_TO: Final = 3e-5  # standard deviations, with linear interpolation within
 _ROUNDING: Final = 1e-12  # of a distance, by which depth misses it without any error
 _SECTIONS: Final = 8  # of a bracket in one round
-_WIDENING: Final = 3.0  # ratio of the distances of scores from a first estimate
+_INNERMOST: Final = 0.2  # of a bracket
+_SECANTS: Final = 3
 
 
 def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray, share: float) -> FloatArray:
@@ -223,7 +225,8 @@ def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray,
         with np.errstate(divide="ignore"):  # a depth of 0
             return np.stack([1.0 / (distance + below) - 1.0 / depths[: len(far)], above, below], axis=1)
 
-    _, ends = last_score(np.full(distance.shape, FARTHEST_SCORE), beyond, to=_RADIUS_TO)
+    reach = np.full(distance.shape, FARTHEST_SCORE)
+    _, ends = last_score(reach, beyond, to=_RADIUS_TO, estimate=_lean_of_line(read, distance, share))
     margin, above, below = ends.swapaxes(0, 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         to_high = np.clip(margin[0] / (margin[0] - margin[1]), 0.0, 1.0)
@@ -234,17 +237,43 @@ def error_radius(read: Callable[[FloatArray], FloatArray], distance: FloatArray,
     return without_rounding(np.where(crossed, interpolated, np.maximum(above, below)[1]), distance)
 
 
+def _lean_of_line(read: Callable[[FloatArray], FloatArray], distance: FloatArray, share: float) -> FloatArray:
+    """The lean of `error_radius` if inverse depth were linear in the score, as it almost is; 0 where it is unknown."""
+    from scipy.special import ndtr, ndtri
+
+    outside = 1.0 - share
+    score = -float(ndtri(outside / 2.0))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # unbounded or unknown depths
+        far, near = distance / read(np.array([[-score], [score]]) * np.ones(distance.shape))
+        middle, slope = (near + far) / 2.0, (near - far) / (2.0 * score)
+
+        def margin(lean: FloatArray) -> FloatArray:
+            far, near = ndtri(outside * ndtr([lean, -lean]))
+            below = np.abs(1.0 - 1.0 / (middle - slope * near))
+            return np.asarray(1.0 / (1.0 + below) - (middle + slope * far))
+
+        # To first order in the relative error of depth, from the densities at the centre and at the ends.
+        first = slope * score**2 * math.exp(-(score**2) / 2.0) / outside
+        before, lean = np.zeros(distance.shape), np.clip(first, -1.0, 1.0)
+        of_before = margin(before)
+        for _ in range(_SECANTS):
+            of_lean = margin(lean)
+            step = np.nan_to_num(of_lean * (lean - before) / (of_lean - of_before), posinf=0.0, neginf=0.0)
+            before, of_before, lean = lean, of_lean, np.clip(lean - step, -FARTHEST_SCORE, FARTHEST_SCORE)
+    return np.asarray(np.nan_to_num(lean))
+
+
 def without_rounding(error: FloatArray, distance: FloatArray) -> FloatArray:
     """Errors of depth [m], 0 where they are no larger than rounding makes them."""
     return np.asarray(np.where(error <= _ROUNDING * distance, 0.0, error))
 
 
 def last_score(
-    reach: FloatArray, read: Callable[[FloatArray], FloatArray], *, to: float
+    reach: FloatArray, read: Callable[[FloatArray], FloatArray], *, to: float, estimate: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Brackets of the scores (distances,) at which a falling margin ceases to be positive, and what is read there.
 
-    The first round reads scores on both sides of 0, the others those `between` the ends of the brackets.
+    The first round reads scores on both sides of an estimate, the others those `between` the ends of the brackets.
 
     Parameters
     ----------
@@ -255,6 +284,8 @@ def last_score(
         The margin and any other values, shape (scores, values, distances), at scores (scores, distances).
     to
         Largest width of the brackets.
+    estimate
+        Estimates of the scores: a good one ends the search after the first round.
 
     Returns
     -------
@@ -262,8 +293,10 @@ def last_score(
         Scores, shape (2, distances), and values, shape (2, values, distances), at both ends.
     """
     columns = np.arange(reach.size)
-    first = falling(np.array([0.5]), np.array([_WIDENING]), _SECTIONS)
-    scores = reach * (2.0 * np.vstack([0.0, first, 1.0]) - 1.0)
+    # The innermost of the scores are less than half a bracket from the estimate, the others ever farther.
+    ratio = (_INNERMOST * to / reach) ** (-2.0 / (_SECTIONS - 2))
+    first = falling(0.5 + 0.5 * estimate / reach, ratio, _SECTIONS)
+    scores = reach * (2.0 * np.vstack([np.zeros(reach.shape), first, np.ones(reach.shape)]) - 1.0)
     values, previous = read(scores), np.full(reach.shape, np.inf)
     while True:
         # Only margins before the first that is not positive count: a bracket then holds a change of sign even where

@@ -162,7 +162,7 @@ def scaled_noise(
     seen = ~np.isnan(depths).any(axis=0)
 
     def failures() -> FloatArray:
-        score = _score_of_infinity(under_noise, FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        score = _score_of_infinity(under_noise, FARTHEST_SCORE * np.nan_to_num(np.fmax(scale, 1.0)))
         # Without any error, a measurement fails always or never, by the sign of the score: a small scale gives 1 or 0.
         shares = ndtr(score / np.where(scale > 0.0, scale, FARTHEST_SCORE**-2))
         failed = np.where(shares > _NEVER, shares, 0.0)
@@ -196,11 +196,12 @@ def _under_noise(
 def _score_of_infinity(under_noise: Callable[[FloatArray], FloatArray], reach: FloatArray) -> FloatArray:
     """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
     # Inverse depth rises with the score, so infinity lies within reach only if the ends lie on both sides of it.
-    beyond = under_noise(np.stack([-reach, reach])) <= 0.0
-    score = np.where(beyond[1], reach, -reach)
-    within = beyond[0] & ~beyond[1]
+    low, high = under_noise(np.stack([-reach, reach]))
+    score = np.where(high <= 0.0, reach, -reach)
+    within = (low <= 0.0) & (high > 0.0)
     if within.any():
-        ends, _ = last_score(reach, lambda scores: -under_noise(scores)[:, np.newaxis], to=_INFINITY_TO)
+        line = np.where(within, reach * (low + high) / np.where(within, low - high, 1.0), 0.0)  # between the two ends
+        ends, _ = last_score(reach, lambda scores: -under_noise(scores)[:, np.newaxis], to=_INFINITY_TO, estimate=line)
         score[within] = np.mean(ends, axis=0)[within]
     return np.asarray(score)
 
