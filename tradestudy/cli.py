@@ -97,7 +97,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that SIGTERM ends a run as Ctrl-C does
     # Read when NumPy loads OpenBLAS, whose threads make no study faster and wait for each other beside busy cores.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(20_000, 20, 20)  # most objects live until the end: collect garbage rarely
+    gc.set_threshold(200_000, 20, 20)  # most objects live until the end: collect garbage rarely
     atexit.register(gc.freeze)  # and not at exit, where it takes half a second
     # Hidden until they are needed: xarray would import them for every run, only to ask whether arrays are theirs. An
     # xarray that a caller has imported knows already that they are there, and fails without them.
