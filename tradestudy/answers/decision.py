@@ -61,17 +61,17 @@ def largest_cause(camera: DepthCamera, distance: FloatArray, field: FieldPositio
     contributed = line.sensitivity * (line.covariance @ line.sensitivity)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = contributed / contributed.sum(axis=0)
-    known = np.isfinite(shares).all(axis=0)
-    if not known.any():
+    measured = np.isfinite(shares).all(axis=0)
+    if not measured.any():
         return None
-    mean = shares[:, known].mean(axis=1)
+    mean = shares[:, measured].mean(axis=1)
     declared = {name for group in camera.calibration.groups for name in group.parameters}
     by_noise = float(sum(share for name, share in zip(line.parameters, mean, strict=True) if name not in declared))
-    named = {name: float(share) for name, share in zip(line.parameters, mean, strict=True) if name in declared} | {
+    causes = {name: float(share) for name, share in zip(line.parameters, mean, strict=True) if name in declared} | {
         NOISE: by_noise
     }
-    largest = max(named, key=lambda name: named[name])
-    return Cause(parameter=largest, share=named[largest])
+    largest = max(causes, key=lambda name: causes[name])
+    return Cause(parameter=largest, share=causes[largest])
 
 
 _OFFSET: Final = 2e-7  # relative offset for looking just nearer and just farther than a distance, such as a crossing
@@ -128,9 +128,9 @@ class PairVerdict:
     changes: Mapping[str, tuple[Change, ...]]
 
 
-def is_usable(case: Case, name: str, distance: FloatArray, depth: Reading = distribution_between) -> BoolArray:
+def is_usable(case: Case, camera_name: str, distance: FloatArray, depth: Reading = distribution_between) -> BoolArray:
     """Whether a camera meets every limit of the study at distances [m], where its depth is read by ``depth``."""
-    return all_met(evaluate_limits(case.cameras[name], case.criteria, distance, depth=depth), distance.shape)
+    return all_met(evaluate_limits(case.cameras[camera_name], case.criteria, distance, depth=depth), distance.shape)
 
 
 def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
@@ -146,54 +146,57 @@ def best_cameras(
     A camera whose difference from the best is within their combined stated errors (`stated_error`) shares the win. The
     error of the larger uncertainty counts relative to it: ±300 m, known to ±300 m, does not tie with ±15 mm.
     """
-    names = list(usable)
-    table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
+    table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in usable])
     table = np.where(np.isnan(table), np.inf, table)
-    errors = np.stack([np.nan_to_num(error[name]) for name in names])
+    errors = np.stack([np.nan_to_num(error[name]) for name in usable])
     best = np.argmin(table, axis=0)
     lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # ∞ − ∞: neither is usable; 0 / 0: both exact
         tied = table - lowest <= np.hypot(errors * np.nan_to_num(lowest / table), of_lowest)
     tied[best, np.arange(best.size)] = True
     return [
-        TIED.join(name for name, one in zip(names, tied[:, k], strict=True) if one)
+        TIED.join(name for name, shares in zip(usable, tied[:, k], strict=True) if shares)
         if math.isfinite(lowest[0, k])
         else ""
         for k in range(best.size)
     ]
 
 
-def best_along(case: Case, names: Sequence[str]) -> tuple[FloatArray, list[list[str]]]:
+def best_along(case: Case, camera_names: Sequence[str]) -> tuple[FloatArray, list[list[str]]]:
     """Distances [m] that show where the best of some cameras changes, and the best there, for each error source.
 
     They are the distances of the study, those at which usable ranges are sought, both sides of the ends of these, and
     more around each change for noise and calibration together, which lies between two of them 1e-5 of a distance apart.
     """
-    ends = np.array([end for name in names for end in _ends_of_use(case, name)])
+    cameras = {name: case.cameras[name] for name in camera_names}
+    ends = np.array([end for name in cameras for end in _ends_of_use(case, name)])
     sides = np.clip([ends * (1.0 - _OFFSET), ends * (1.0 + _OFFSET)], case.distance[0], case.distance[-1])
-    grid = np.unique(np.concatenate([sides.ravel(), *(sought(case.cameras[name], case.distance) for name in names)]))
+    grid = np.unique(np.concatenate([sides.ravel(), *(sought(camera, case.distance) for camera in cameras.values())]))
     # The error of a model is estimated for many distances together, and changes slowly between them.
     errors = {
-        (name, source): _relative_error(case.cameras[name], grid, source) for name in names for source in ERROR_SOURCES
+        (name, source): _relative_error(camera, grid, source)
+        for name, camera in cameras.items()
+        for source in ERROR_SOURCES
     }
 
     def best(places: FloatArray, source: str) -> list[str]:
         usable = {
-            name: _within(usable_intervals(case.cameras[name], case.criteria, case.distance), places) for name in names
+            name: _within(usable_intervals(camera, case.criteria, case.distance), places)
+            for name, camera in cameras.items()
         }
-        uncertainty = {name: judged_uncertainty(case.cameras[name], places, source) for name in names}
-        error = {name: finite(of) * np.interp(places, grid, errors[name, source]) for name, of in uncertainty.items()}
+        uncertainty = {name: judged_uncertainty(camera, places, source) for name, camera in cameras.items()}
+        error = {name: finite(uncertainty[name]) * np.interp(places, grid, errors[name, source]) for name in cameras}
         return best_cameras(usable, uncertainty, error)
 
-    places, found = grid, np.array(best(grid, ERROR_SOURCES[-1]), dtype=object)
+    places, winners = grid, np.array(best(grid, ERROR_SOURCES[-1]), dtype=object)
     while True:
-        change = (found[1:] != found[:-1]) & (places[1:] > places[:-1] * (1.0 + _CHANGED_TO))
+        change = (winners[1:] != winners[:-1]) & (places[1:] > places[:-1] * (1.0 + _CHANGED_TO))
         if not change.any():
             return places, [best(places, source) for source in ERROR_SOURCES]
         after = np.flatnonzero(change) + 1
         middles = np.sqrt(places[after - 1] * places[after])
         places = np.insert(places, after, middles)
-        found = np.insert(found, after, best(middles, ERROR_SOURCES[-1]))
+        winners = np.insert(winners, after, best(middles, ERROR_SOURCES[-1]))
 
 
 def _relative_error(camera: DepthCamera, distance: FloatArray, source: str) -> FloatArray:
@@ -204,30 +207,32 @@ def _relative_error(camera: DepthCamera, distance: FloatArray, source: str) -> F
 
 
 def _within(intervals: Sequence[Interval], distance: FloatArray) -> BoolArray:
-    return np.asarray(
-        np.any([distance < 0.0, *((one.near <= distance) & (distance <= one.far) for one in intervals)], axis=0)
-    )
+    inside = ((interval.near <= distance) & (distance <= interval.far) for interval in intervals)
+    return np.asarray(np.any([distance < 0.0, *inside], axis=0))  # nowhere if there is no interval
 
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
     """Which of two cameras is more certain, and which wins among the usable ones, at places [m], by error source."""
+    cameras = {name: case.cameras[name] for name in pair}
     usable = {name: is_usable(case, name, places, distribution) for name in pair}
     winners, certain, ratios = [], [], []
     for source in ERROR_SOURCES:
         uncertainty, error = {}, {}
-        for name in pair:
-            camera = case.cameras[name]
+        for name, camera in cameras.items():
             uncertainty[name] = distribution(camera, imaged(camera, places), source).judged
-            own = judged_uncertainty_error(camera, places, source, depth=distribution)
-            error[name] = stated_error(camera, own)
+            estimated = judged_uncertainty_error(camera, places, source, depth=distribution)
+            error[name] = stated_error(camera, estimated)
         winners.append(best_cameras(usable, uncertainty, error))
         everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
-        certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
+        # Two tied names are not one of the pair: then neither is more certain.
+        certain.append([best if best in pair else "" for best in best_cameras(everywhere, uncertainty, error)])
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
             ratios.append(uncertainty[pair[0]] / uncertainty[pair[1]])
     crossings = {error_source: _crossings(case, pair, error_source) for error_source in ERROR_SOURCES}
     ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
-    possible = {of: ends | {one.distance: one.error for one in crossings[of]} for of in ERROR_SOURCES}
+    possible = {
+        source: ends | {crossing.distance: crossing.error for crossing in crossings[source]} for source in ERROR_SOURCES
+    }
     return PairVerdict(
         winner=[list(row) for row in zip(*winners, strict=True)],
         more_certain=[list(row) for row in zip(*certain, strict=True)],
@@ -257,13 +262,13 @@ def _below_one(first: DepthDistribution, second: DepthDistribution) -> FloatArra
     return margin(ratio < 1.0, ratio - 1.0)
 
 
-def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
+def _ends_of_use(case: Case, camera_name: str) -> tuple[float, ...]:
     """Distances [m] where a camera becomes usable or ceases to be usable, within the range of the study."""
-    intervals = usable_intervals(case.cameras[name], case.criteria, case.distance)
+    intervals = usable_intervals(case.cameras[camera_name], case.criteria, case.distance)
     return tuple(
         end
-        for one in intervals
-        for end, limit in ((one.near, one.near_limit), (one.far, one.far_limit))
+        for interval in intervals
+        for end, limit in ((interval.near, interval.near_limit), (interval.far, interval.far_limit))
         if limit != END_OF_STUDY
     )
 
@@ -276,22 +281,25 @@ def _changes(
     ``places`` are these distances [m] with their errors. The winner is the usable camera with the lower uncertainty,
     regardless of its error.
     """
-    ordered = np.array(sorted({place for of_source in places.values() for place in of_source}))
+    # The places of all error sources are searched together, because usable ranges are the same for each.
+    ordered = np.array(sorted({place for errors in places.values() for place in errors}))
     beside = np.concatenate([ordered * (1.0 - _OFFSET), ordered * (1.0 + _OFFSET)])
+    cameras = {name: case.cameras[name] for name in pair}
     usable = {
-        name: _within(usable_intervals(case.cameras[name], case.criteria, case.distance), beside) for name in pair
+        name: _within(usable_intervals(camera, case.criteria, case.distance), beside)
+        for name, camera in cameras.items()
     }
     sure, changes = {name: np.zeros(beside.shape) for name in pair}, {}
     for error_source, errors in places.items():
-        uncertainty = {name: judged_uncertainty(case.cameras[name], beside, error_source) for name in pair}
-        winners = [name.split(TIED)[0] for name in best_cameras(usable, uncertainty, sure)]
-        found: list[Change] = []
+        uncertainty = {name: judged_uncertainty(camera, beside, error_source) for name, camera in cameras.items()}
+        winners = [best.split(TIED)[0] for best in best_cameras(usable, uncertainty, sure)]
+        of_source: list[Change] = []
         for place, nearer, farther in zip(ordered.tolist(), winners, winners[ordered.size :], strict=False):
             # Changes of both cameras at the same place, up to rounding, are reported once.
-            once = not found or place > found[-1].distance * (1.0 + _OFFSET)
+            once = not of_source or place > of_source[-1].distance * (1.0 + _OFFSET)
             if place in errors and nearer != farther and once:
-                found.append(Change(distance=place, error=errors[place], nearer=nearer, farther=farther))
-        changes[error_source] = tuple(found)
+                of_source.append(Change(distance=place, error=errors[place], nearer=nearer, farther=farther))
+        changes[error_source] = tuple(of_source)
     return changes
 
 
@@ -317,7 +325,7 @@ def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Cr
         below_one[between],
         to=_CROSSED_TO,
     )
-    found = []
+    crossings = []
     for before, after in stretches:
         # Of several, the middle one.
         passed = [
@@ -330,8 +338,8 @@ def _crossings(case: Case, pair: tuple[str, str], error_source: str) -> tuple[Cr
             if len(ratios) > 1:  # drawn: each scramble has a root of its own
                 around = _depths(cameras, places_around(place), error_source)
                 error = scramble_error(_log_ratios(*around), place)
-            found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
-    return tuple(found)
+            crossings.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
+    return tuple(crossings)
 
 
 def _sure_lead(ratios: FloatArray) -> FloatArray:
@@ -353,62 +361,62 @@ def decision_group(
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"error_source": list(ERROR_SOURCES)}
     attributes: dict[str, Any] = {}
-    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
-    attributes["candidates"] = ", ".join(names)
-    distance, best = best_along(case, names)
+    candidates = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
+    attributes["candidates"] = ", ".join(candidates)
+    distance, best = best_along(case, candidates)
     coordinates["distance"] = distance
     values["best_camera"] = np.stack(best, axis=-1)
-    values["judged_uncertainty"] = [judged_uncertainty(one, distance) for one in case.cameras.values()]
+    values["judged_uncertainty"] = [judged_uncertainty(camera, distance) for camera in case.cameras.values()]
     causes = {}
-    for name, camera in case.cameras.items():
+    for camera_name, camera in case.cameras.items():
         intervals = usable_intervals(camera, case.criteria, case.distance)
         grids = (case.distance, sought(camera, case.distance))  # the denser one where the study's shows no usable place
-        used = (one[_within(intervals, one)] for one in grids)
-        causes[name] = largest_cause(camera, next((one for one in used if one.size), case.distance))
+        usable = (grid[_within(intervals, grid)] for grid in grids)
+        causes[camera_name] = largest_cause(camera, next((places for places in usable if places.size), case.distance))
     inputs = [
-        NamedInput() if one is None else uncertain_input(study, name, one.parameter) for name, one in causes.items()
+        NamedInput() if cause is None else uncertain_input(study, camera_name, cause.parameter)
+        for camera_name, cause in causes.items()
     ]
-    values["cause"] = [one.words for one in inputs]
-    values["cause_basis"] = [one.basis for one in inputs]
-    values["cause_share"] = [math.nan if one is None else one.share for one in causes.values()]
+    values["cause"] = [named.words for named in inputs]
+    values["cause_basis"] = [named.basis for named in inputs]
+    values["cause_share"] = [math.nan if cause is None else cause.share for cause in causes.values()]
     coordinates["camera"] = list(case.cameras)
     if file.decision is not None:
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
         verdicts: dict[str, PairVerdict] = {}
-        known: dict[Any, PairVerdict] = {}  # by what a verdict depends on
+        known: dict[Any, PairVerdict] = {}  # by what a verdict depends on: readings may change other cameras only
         for done, (name, reading) in enumerate(readings.items()):
             progress("decision", done / len(readings))
-            asked = (*(reading.case.cameras[one] for one in pair), reading.case.criteria)
-            if asked not in known:
-                known[asked] = decide_pair(reading.case, pair, places)
-            verdicts[name] = known[asked]
-        values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
+            compared = (*(reading.case.cameras[camera_name] for camera_name in pair), reading.case.criteria)
+            if compared not in known:
+                known[compared] = decide_pair(reading.case, pair, places)
+            verdicts[name] = known[compared]
+        values |= _pair_arrays(list(verdicts.values()), file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = readings_say(study, readings)
         coordinates |= {"reading": list(readings), "place": places}
         attributes |= {"first": pair[0], "second": pair[1]}
     return dataset("decision", values, coordinates, attributes=attributes)
 
 
-def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[str, Any]:
-    first = next(iter(verdicts.values()))
-    readings = list(verdicts.values())
-    by_reading = (len(readings), len(ERROR_SOURCES), -1)
+def _pair_arrays(verdicts: Sequence[PairVerdict], tolerance: float) -> dict[str, Any]:
+    first = verdicts[0]
+    by_reading = (len(verdicts), len(ERROR_SOURCES), -1)
     changes = padded_attributes(
-        [v.changes[error_source] for v in readings for error_source in ERROR_SOURCES],
+        [verdict.changes[error_source] for verdict in verdicts for error_source in ERROR_SOURCES],
         {"distance": math.nan, "error": math.nan, "nearer": "", "farther": ""},
     )
     crossings = padded_attributes(
-        [v.crossings[error_source] for v in readings for error_source in ERROR_SOURCES],
+        [verdict.crossings[error_source] for verdict in verdicts for error_source in ERROR_SOURCES],
         {"distance": math.nan, "error": math.nan, "nearer": ""},
     )
     return {
-        "winner": np.array([v.winner for v in verdicts.values()]),
-        "more_certain": np.array([v.more_certain for v in verdicts.values()]),
-        "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
-        "within_tolerance": np.stack([np.abs(np.asarray(v.ratio) - 1.0) <= tolerance for v in verdicts.values()]),
-        "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
-        "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
+        "winner": np.array([verdict.winner for verdict in verdicts]),
+        "more_certain": np.array([verdict.more_certain for verdict in verdicts]),
+        "uncertainty_ratio": np.stack([verdict.ratio for verdict in verdicts]),
+        "within_tolerance": np.stack([np.abs(verdict.ratio - 1.0) <= tolerance for verdict in verdicts]),
+        "flips": np.array([verdict.winner for verdict in verdicts]) != np.array(first.winner),
+        "certainty_flips": np.array([verdict.more_certain for verdict in verdicts]) != np.array(first.more_certain),
         **{f"change_{name}": values.reshape(by_reading) for name, values in changes.items()},
         **{f"crossover_{name}": values.reshape(by_reading) for name, values in crossings.items()},
     }

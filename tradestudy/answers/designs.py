@@ -46,12 +46,12 @@ class Curve:
     @classmethod
     def of(cls, camera: DepthCamera, table: DepthTable) -> Curve:
         """The curve of a camera from its table."""
-        found = table.evaluation
+        depth = table.evaluation
         return cls(
-            distance=found.distance,
-            uncertainty=found.judged[_BOTH],
-            error=stated_error(camera, found.judged_error[_BOTH]),
-            usable=[(one.near, one.far) for one in table.intervals],
+            distance=depth.distance,
+            uncertainty=depth.judged[_BOTH],
+            error=stated_error(camera, depth.judged_error[_BOTH]),
+            usable=[(interval.near, interval.far) for interval in table.intervals],
         )
 
     def usable_at(self, places: FloatArray) -> np.ndarray:
@@ -75,11 +75,11 @@ class Curve:
         logs = np.log(self.distance)
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
             values = np.log(self.uncertainty)
-            found = np.interp(np.log(places), logs, values)
+            between = np.interp(np.log(places), logs, values)
             bent = np.abs(np.diff(values, 2, prepend=values[:1], append=values[-1:]))
         missed = np.interp(np.log(places), logs, _widened(bent)) / 2.0
         on_grid = np.min(np.abs(np.log(places)[:, None] - logs), axis=1) < _ROUNDING
-        uncertainty = np.exp(found)
+        uncertainty = np.exp(between)
         share = self.relative_error(places) + np.where(on_grid, 0.0, np.nan_to_num(missed))
         with np.errstate(over="ignore"):  # the error is infinite next to an unbounded interval
             return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
@@ -110,27 +110,28 @@ def crossings(first: Curve, second: Curve, names: tuple[str, str]) -> tuple[Cros
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are valid
         ratio = np.log(first.uncertainty) - np.log(second.uncertainty)
     known = np.isfinite(ratio[:-1]) & np.isfinite(ratio[1:])
-    found = []
+    crossed = []
     for k in np.flatnonzero(known & (np.sign(ratio[:-1]) * np.sign(ratio[1:]) < 0.0)):
         slope = (ratio[k + 1] - ratio[k]) / (logs[k + 1] - logs[k])
         place = float(np.exp(logs[k] - ratio[k] / slope))
-        off = [error[0] / value[0] for value, error in (curve.between(np.array([place])) for curve in (first, second))]
-        error = place * float(np.hypot(*off)) / abs(float(slope))
-        found.append(Crossing(distance=place, error=error, nearer=names[0] if ratio[k] < 0.0 else names[1]))
-    return tuple(found)
+        read = (curve.between(np.array([place])) for curve in (first, second))
+        shares = [error[0] / uncertainty[0] for uncertainty, error in read]
+        error = place * float(np.hypot(*shares)) / abs(float(slope))
+        crossed.append(Crossing(distance=place, error=error, nearer=names[0] if ratio[k] < 0.0 else names[1]))
+    return tuple(crossed)
 
 
 def design_verdicts(study: PreparedStudy, designs: Sequence[PreparedStudy], tables: DepthTables) -> xr.Dataset:
     """Variables of /decision over the swept parameters; the designs are those of `sweep_points`."""
     axes, decision = sweep_axes(study), study.file.decision
     places = np.array(decision.at if decision else distances_without_decision(study.case.distance))
-    at_places = cache(lambda camera: judged_at(camera, places))  # of many designs
+    at_places = cache(lambda camera: judged_at(camera, places))  # many designs share a camera
     best, along, crossed = [], [], []
     for design in designs:
         case = design.case
         curves = {name: Curve.of(camera, tables[camera, case.criteria]) for name, camera in case.cameras.items()}
-        among = decision.candidates if decision and decision.candidates else curves
-        chosen = {name: curves[name] for name in among}
+        candidates = decision.candidates if decision and decision.candidates else curves
+        chosen = {name: curves[name] for name in candidates}
         best.append(best_at(chosen, places, {name: at_places(case.cameras[name]) for name in chosen}))
         along.append(best_at(chosen, case.distance, {name: curve.uncertainty for name, curve in chosen.items()}))
         if decision is not None:
@@ -142,6 +143,6 @@ def design_verdicts(study: PreparedStudy, designs: Sequence[PreparedStudy], tabl
         "design_best_camera_along": np.array(along, dtype=object).reshape(*shape, -1),
     }
     if decision is not None:
-        found = padded_attributes(crossed, {"distance": math.nan, "error": math.nan, "nearer": ""})
-        values |= {f"design_crossover_{name}": rows.reshape(*shape, -1) for name, rows in found.items()}
+        crossovers = padded_attributes(crossed, {"distance": math.nan, "error": math.nan, "nearer": ""})
+        values |= {f"design_crossover_{name}": rows.reshape(*shape, -1) for name, rows in crossovers.items()}
     return over_designs("decision", values, {"design_place": places, "design_distance": study.case.distance}, axes)

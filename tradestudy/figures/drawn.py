@@ -13,8 +13,8 @@ def drawn_here(
     """Draw figures, which keep their names."""
     from tradestudy.figures.plotted import plotted
 
-    found = {}
+    figures = {}
     for name, drawing in drawings.items():
-        found[name] = plotted(drawing.draw())
-        progress(len(found) / len(drawings))
-    return found
+        figures[name] = plotted(drawing.draw())
+        progress(len(figures) / len(drawings))
+    return figures

@@ -35,9 +35,9 @@ Numbers = npt.NDArray[np.float64]
 
 def plotted(figure: StudyFigure) -> Plotted:
     """Draw a figure and read its curves, in the order in which they were plotted."""
-    with _identified(figure) as names:
+    with _identified(figure) as gids:
         svg = figure.svg()
-        return Plotted(svg=svg, panels=tuple(_panel(figure, axes, names) for axes in _panels(figure)))
+        return Plotted(svg=svg, panels=tuple(_panel(figure, axes, gids) for axes in _panels(figure)))
 
 
 def _panels(figure: StudyFigure) -> list[Axes]:
@@ -47,23 +47,23 @@ def _panels(figure: StudyFigure) -> list[Axes]:
 @contextmanager
 def _identified(figure: StudyFigure) -> Iterator[Mapping[Artist, str]]:
     """Give every panel and artist an identifier that is unique in the SVG; yields the original `gid` of each."""
-    names: dict[Artist, str | None] = {}
+    gids: dict[Artist, str | None] = {}
     for place, axes in enumerate(_panels(figure)):
         for number, artist in enumerate((axes, *_artists(axes))):
-            names[artist] = artist.get_gid()
+            gids[artist] = artist.get_gid()
             artist.set_gid(f"panel-{place}-{number}")
     try:
-        yield {artist: name or "" for artist, name in names.items()}
+        yield {artist: gid or "" for artist, gid in gids.items()}
     finally:
-        for artist, name in names.items():
-            artist.set_gid(name)
+        for artist, gid in gids.items():
+            artist.set_gid(gid)
 
 
 def _artists(axes: Axes) -> tuple[Artist, ...]:
     return (*axes.lines, *axes.collections, *axes.patches, *axes.texts, *axes.images)
 
 
-def _panel(figure: StudyFigure, axes: Axes, names: Mapping[Artist, str]) -> Panel:
+def _panel(figure: StudyFigure, axes: Axes, gids: Mapping[Artist, str]) -> Panel:
     width, height = figure.get_size_inches() * _POINTS_PER_INCH
     box = axes.get_position()
     errors = dict(_errors(axes))
@@ -74,14 +74,14 @@ def _panel(figure: StudyFigure, axes: Axes, names: Mapping[Artist, str]) -> Pane
         x=_scale(
             axes.xaxis,
             axes.get_xlim(),
-            [figure.get_supxlabel(), *(one.get_xlabel() for one in axes.get_shared_x_axes().get_siblings(axes))],
+            [figure.get_supxlabel(), *(panel.get_xlabel() for panel in axes.get_shared_x_axes().get_siblings(axes))],
         ),
         y=_scale(
             axes.yaxis,
             axes.get_ylim(),
-            [figure.get_supylabel(), *(one.get_ylabel() for one in axes.get_shared_y_axes().get_siblings(axes))],
+            [figure.get_supylabel(), *(panel.get_ylabel() for panel in axes.get_shared_y_axes().get_siblings(axes))],
         ),
-        curves=tuple(curve for artist in _artists(axes) for curve in _curves(axes, artist, names[artist], errors)),
+        curves=tuple(curve for artist in _artists(axes) for curve in _curves(axes, artist, gids[artist], errors)),
         anchors=tuple(_anchors(axes)),
     )
 
@@ -94,6 +94,7 @@ def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scal
     """Read an axis; one without a label takes that of an axis that shares its limits, or of the figure."""
     formatter = axis.get_major_formatter()
     label = " ".join((axis.get_label_text() or max(shared, key=len)).split())
+    # The tick of 1 gives the factor and the unit of a formatter that writes any number.
     places, ticks = np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist(), [(1.0, formatter(1.0))]
     if isinstance(formatter, FixedFormatter):
         ticks = list(zip(places, formatter.seq, strict=False))
@@ -117,14 +118,14 @@ def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scal
 
 def _written(ticks: Sequence[tuple[float, str]]) -> tuple[float, str] | None:
     """The factor from data to the numbers on their axis, and the text after these numbers; None if ticks are names."""
-    found = set()
+    written = set()
     for place, text in ticks:
         tick = _TICK.fullmatch(text.lstrip("+"))
         if tick is None:
             return None
-        if place:
-            found.add((round(float(tick[1].replace(",", "")) / place, 9), tick[2]))
-    return found.pop() if len(found) == 1 else None
+        if place:  # 0 gives no factor
+            written.add((round(float(tick[1].replace(",", "")) / place, 9), tick[2]))
+    return written.pop() if len(written) == 1 else None
 
 
 def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple[str, Numbers]]) -> Iterator[Curve]:
@@ -136,7 +137,7 @@ def _curves(axes: Axes, artist: Artist, name: str, errors: Mapping[Line2D, tuple
     if not name and (not label or isinstance(artist, Text)):
         return
     if isinstance(artist, Line2D) and artist.get_transform() is axes.transData:
-        x, y = (np.asarray(one, dtype=np.float64) for one in artist.get_data())
+        x, y = (np.asarray(values, dtype=np.float64) for values in artist.get_data())
         line: Any = artist.get_color()
         kind = "points" if artist.get_linestyle() in ("None", "", " ") else "line"
         yield Curve(kind=kind, color=to_hex(line), x=_stored(x), y=_stored(y), **common)
@@ -164,7 +165,8 @@ def _errors(axes: Axes) -> Iterator[tuple[Line2D, tuple[str, Numbers]]]:
             line, _, bars = container.lines
             # A bar without finite ends has no points.
             ends = [
-                np.concatenate([np.empty((0, 2)), *(one for one in bar.get_segments() if len(one))]) for bar in bars
+                np.concatenate([np.empty((0, 2)), *(segment for segment in bar.get_segments() if len(segment))])
+                for bar in bars
             ]
             label = str(container.get_label())
             if container.has_yerr and not _UNNAMED.fullmatch(label):
@@ -189,7 +191,7 @@ def _stored_map(shown: QuadMesh | AxesImage) -> dict[str, Any]:
         corners = np.asarray(shown.get_coordinates(), dtype=np.float64)
         across, up = corners[0, :, 0], corners[:, 0, 1]
     else:
-        left, right, bottom, top = shown.get_extent()
+        left, right, bottom, top = shown.get_extent()  # the values begin with the row at the origin
         first, last = (top, bottom) if shown.origin == "upper" else (bottom, top)
         across, up = (
             np.linspace(*ends, n + 1)
@@ -207,11 +209,11 @@ def _anchors(axes: Axes) -> Iterator[tuple[str, bool, bool]]:
 
 def _moves(axes: Axes, text: Text) -> tuple[bool, bool]:
     """Whether a text is placed at data coordinates along x and along y."""
-    of = getattr(text, "xycoords", None)
-    if of is None:
+    coordinates = getattr(text, "xycoords", None)
+    if coordinates is None:  # not an annotation
         at_data = text.get_transform() is axes.transData
         return at_data, at_data
-    across, up = of if isinstance(of, tuple) else (of, of)
+    across, up = coordinates if isinstance(coordinates, tuple) else (coordinates, coordinates)
     beside = getattr(text, "anncoords", "data") == "axes fraction"  # names beside a panel stay there
     return across == "data" and not beside, up == "data" and not beside
 

@@ -225,7 +225,10 @@ def plain_number(value: float, _position: int | None = None) -> str:
 
 def length_tick(millimetres: float, _position: int | None = None) -> str:
     """Write a tick label for a length in millimetres, in the unit that a person expects: 0.01 is "10 µm"."""
-    size, unit = next((s, u) for s, u in _LENGTH_UNITS if abs(millimetres) >= s * (1 - 1e-9) or s == 1e-6)
+    # A length that rounding has made a little too small keeps its unit; what is shorter than all takes the last.
+    size, unit = next(
+        (size, unit) for size, unit in _LENGTH_UNITS if abs(millimetres) >= size * (1 - 1e-9) or size == 1e-6
+    )
     return f"{plain_number(millimetres / size)} {unit}"
 
 
@@ -296,6 +299,7 @@ def legend(
     widths = [size * (_HANDLE + _LETTER * len(label)) for label in shown]
     while columns > 1 and _widest_row(widths, columns) > 72.0 * figure.get_figwidth():
         columns -= 1
+    # matplotlib would leave out labels that begin with an underscore, so numbers stand for them in this call.
     drawn = figure.legend(
         handles, [f"{number}" for number in range(len(labels))], loc="outside lower center", ncols=columns
     )
