@@ -64,7 +64,6 @@ def compose_files(
     whole = _LISTING + _COMPOSING + len(drawings) + _TYPESETTING
     progress(_LISTING / whole)
     document = contents.compose_report(tree, run, drawings)
-    values, designs = curve_values(tree), page_designs(tree)
 
     def drawn(share: float) -> None:
         progress((_LISTING + _COMPOSING + share * len(drawings)) / whole)
@@ -75,10 +74,10 @@ def compose_files(
     images = {name: picture.svg for name, picture in pictures.items()}
     made: dict[str, bytes | Future[bytes]] = {f"figures/{name}.svg": svg for name, svg in images.items()}
     if pdf:
-        pool = ThreadPoolExecutor(1)  # other threads run while it typesets
+        pool = ThreadPoolExecutor(1)  # other threads run while it typesets: what only the page needs is made meanwhile
         made["report.pdf"] = pool.submit(render_pdf, document, images)
         pool.shutdown(wait=False)
-    made["report.html"] = render_html(document, pictures, values, designs)
+    made["report.html"] = render_html(document, pictures, curve_values(tree), page_designs(tree))
     return made
 
 
