@@ -35,7 +35,7 @@ def pytest_collection_finish() -> None:
     """Modules and tests live to the end: without this, a tenth of the time goes into looking for garbage in them."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(10_000)
+    gc.set_threshold(200_000)
 
 
 @pytest.fixture(scope="module")
