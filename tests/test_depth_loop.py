@@ -213,6 +213,16 @@ def test_mistakes_are_reported_at_their_place(tmp_path: Path, loop: str, message
     assert message in str(refused.value)
 
 
+@pytest.mark.parametrize("electrons", ["60000 electrons, 2000 electrons", "2000 electrons, 60000 electrons"])
+def test_light_that_saturates_is_refused_wherever_it_is_listed(tmp_path: Path, electrons: str) -> None:
+    """A lens of 8 mm focused at 150 mm works at f/8.451, where 60 000 electrons at f/8 are 60 000 (8/8.451)²."""
+    pytest.importorskip("cv2")
+    loop = LOOP.replace("2000 electrons, 8000 electrons", electrons)
+    with pytest.raises(StudyError, match=r"depth_loop: the pictures of pair would be saturated: 53800 e") as refused:
+        study(tmp_path, loop).check()
+    assert len(refused.value.problems) == 1
+
+
 def test_results_without_a_measurement_give_the_reason(tmp_path: Path) -> None:
     """Nearer than the rig's views overlap; no matcher follows."""
     pytest.importorskip("cv2")

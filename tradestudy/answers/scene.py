@@ -216,22 +216,21 @@ def _problems_of_depth_maps(study: PreparedStudy, rig: Rig | None) -> Iterator[P
 def _problems_of_loop(study: PreparedStudy) -> Iterator[Problem]:
     where, loop = ("depth_loop",), study.file.depth_loop
     assert loop is not None
-    checked: set[str] = set()
+    checked: set[tuple[str, float]] = set()  # cameras and lights: neither distance nor contrast changes saturation
     try:
         for point in loop_points(study, loop).values():
+            settings = point.settings
+            if (taken := (point.name, settings.light.electrons)) in checked:
+                continue
+            checked.add(taken)
             near, far = point.distance / _SEARCHED, point.distance * _SEARCHED
             search = DepthSearch(near=near, far=far, window_px=point.window_px)
-            if point.name not in checked:
-                point.reader(camera=point.camera, search=search)
-            settings = point.settings
+            point.reader(camera=point.camera, search=search)
             recording = Recording(
                 light=settings.light, noise=settings.sensor_noise, model=NOISE, pixel_fill=settings.pixel_fill
             )
-            if point.name not in checked and (
-                problem := _saturated(point.name, point.camera, recording, point.distance)
-            ):
+            if problem := _saturated(point.name, point.camera, recording, point.distance):
                 yield study.document.locate(where).problem(where, problem)
-            checked.add(point.name)
     except OutOfRangeError as error:
         yield study.document.locate(where).problem(where, str(error))
 
