@@ -52,12 +52,14 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
     """Ranges of distance with their best cameras, for the study as declared."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return ()
-    titles, depth = camera_titles(tree), nominal(tree)
-    usable = [ends for camera in _compared(tree, depth) for ends in where_usable(depth, camera)]
+    titles = camera_titles(tree)
 
     def nobody(near: float, far: float) -> str:
+        depth, middle = nominal(tree), math.sqrt(near * far)
+        ends = depth[["usable_near", "usable_far"]].sel(camera=list(_compared(tree, depth)))
+        usable = (ends["usable_near"] <= middle) & (middle <= ends["usable_far"])
         # Usable, yet no camera is the best: none has a finite uncertainty there.
-        if nominal_is_declared(tree) and any(start <= math.sqrt(near * far) <= end for start, end in usable):
+        if nominal_is_declared(tree) and usable.any():
             return "no depth uncertainty has a bound"
         return f"no {'candidate' if candidates(tree) else 'camera'} is usable"
 
@@ -69,7 +71,7 @@ def best_ranges(tree: xr.DataTree) -> tuple[BestRange, ...]:
             far=far,
             where=span,
             cameras=tuple(titles[camera] for camera in tied(names)),
-            words=f"{answer_title(titles, names, nobody(near, far))} from {span}",
+            words=f"{answer_title(titles, names) or nobody(near, far)} from {span}",
         )
         for (near, far, names), span in zip(ranges, spans, strict=True)
     )
