@@ -15,10 +15,11 @@ import pytest
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import unit_phasor
 from tradestudy.optics.chain.accuracy import relative_change
+from tradestudy.optics.propagation import wave_optics
 from tradestudy.optics.propagation.aperture import aperture_field, lens_wave
-from tradestudy.optics.propagation.kernels import ApertureSamples, KirchhoffKernel
+from tradestudy.optics.propagation.kernels import ApertureSamples, FresnelKernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
-from tradestudy.optics.propagation.result import choose_check_targets
+from tradestudy.optics.propagation.result import ApertureField, NumericalError, choose_check_targets
 from tradestudy.optics.propagation.sampling import Limits, NodeCounts
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
 from tradestudy.optics.propagation.wave_optics import (
@@ -294,6 +295,40 @@ def test_an_array_and_its_wave_give_the_same_field():
         accuracy=accuracy,
     ).intensity
     assert np.unravel_index(np.argmax(focus), focus.shape) == (15, 15)
+
+
+def off_axis(tolerance: float) -> ApertureField:
+    """A plane wave behind an aperture, at targets so far beside it that sums need more accuracy than at first."""
+    nodes = disc_nodes(radius=0.5e-3, radial_count=60, angular_count=120)
+    return propagate_samples(
+        samples=ApertureSamples(nodes=nodes, field=np.ones(nodes.count, dtype=complex)),
+        kernel=FresnelKernel(wavelength=550e-9),
+        targets=TargetGrid.centred(centre=(3e-3, 0.0), pitch=2e-6, count=64, distance=20e-3),
+        accuracy=FieldAccuracy(tolerance=tolerance),
+    )
+
+
+def test_sums_over_given_samples_are_refined():
+    field = off_axis(1e-6)
+    assert field.effort.rounds == 2
+    assert field.effort.nodes == 60 * 120
+    assert field.error.check < 0.25e-6
+
+
+def test_sums_that_rounding_limits_are_refused_with_the_nodes_that_were_given(monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(NotConvergedError, match="with 7200 nodes"):
+        off_axis(1e-10)
+    # Where nothing can be refined further, the same round is not repeated.
+    rounds: list[float] = []
+
+    def never(_intensity: object, _check: object, *, nufft: float, **_: float) -> NumericalError:
+        rounds.append(nufft)
+        return NumericalError(field=1.0, intensity=math.inf, nodes=math.nan, low_rank=0.0, nufft=nufft, check=1.0)
+
+    monkeypatch.setattr(wave_optics, "stated_error", never)
+    with pytest.raises(NotConvergedError):
+        off_axis(1e-6)
+    assert len(rounds) == len({*rounds}) == 2
 
 
 def test_rays_carry_the_power_of_the_aperture():

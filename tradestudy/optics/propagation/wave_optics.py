@@ -20,6 +20,7 @@ from tradestudy.optics.propagation.result import (
     CheckErrors,
     Effort,
     Method,
+    NumericalError,
     choose_check_targets,
     squared_magnitude,
     stated_error,
@@ -38,6 +39,7 @@ from tradestudy.optics.propagation.targets import Targets
 from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
+_SMALLEST_SHARE = 1e-15  # tolerance of the sums, below which rounding decides
 _SMALLEST_CHECK = 4
 _POWER_SHARE, _POWER_ROUNDING = (
     0.1,
@@ -197,7 +199,7 @@ def propagate_samples(
         accuracy=accuracy,
         limits=limits or Limits(),
         method=_method(kernel),
-        fixed_nodes=True,
+        fixed_nodes=False,
         doubling=False,
     )
     # Nothing here shows whether this many nodes are enough for these targets.
@@ -274,7 +276,10 @@ def _refined(
     fixed_nodes: bool,
     doubling: bool,
 ) -> ApertureField:
-    """Compute, check against direct quadrature, and refine what limits the result until it meets the tolerance."""
+    """Compute, check against direct quadrature, and refine what limits the result until it meets the tolerance.
+
+    Unless ``doubling``, `sample` knows one set of nodes only, so that only the sums over them can become more accurate.
+    """
     share = 0.2 * accuracy.tolerance
     begun = started = time.perf_counter()
     if callable(counts):
@@ -312,17 +317,14 @@ def _refined(
         if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
             break
         # Refine what limits the result; an error too large to tell comes from the nodes.
-        if not check.nodes <= check.sums or math.isinf(error.intensity):
+        if doubling and (not check.nodes <= check.sums or math.isinf(error.intensity)):
             counts = counts.scaled(1.3)
+        elif share > _SMALLEST_SHARE:
+            share = max(share * min(0.1, 0.3 * accuracy.tolerance / error.intensity), _SMALLEST_SHARE)
         else:
-            share = max(share * min(0.1, 0.3 * accuracy.tolerance / error.intensity), 1e-15)
+            raise _not_converged(error, nodes, accuracy)
     else:
-        raise NotConvergedError(
-            "the intensity does not reach its tolerance",
-            value=f"stated relative L2 error {error.intensity:.2g} with {counts.total} nodes",
-            limit=f"{accuracy.tolerance:g}",
-            remedy="raise the tolerance, or include targets that are not dark",
-        )
+        raise _not_converged(error, nodes, accuracy)
     power = _power(samples)
     if finer is not None:
         power = _converged_power(sample, counts, power, _power(finer), error=error.intensity, limits=limits)
@@ -344,6 +346,15 @@ def _refined(
             check_targets=check.targets,
         ),
         method=method,
+    )
+
+
+def _not_converged(error: NumericalError, nodes: int, accuracy: FieldAccuracy) -> NotConvergedError:
+    return NotConvergedError(
+        "the intensity does not reach its tolerance",
+        value=f"stated relative L2 error {error.intensity:.2g} with {nodes} nodes",
+        limit=f"{accuracy.tolerance:g}",
+        remedy="raise the tolerance, or include targets that are not dark",
     )
 
 
