@@ -272,8 +272,8 @@ class ConventionalCamera(Camera):
 
     @property
     def makes_depth_map(self) -> bool:
-        """Whether it takes a focus stack."""
-        return self.stack is not None
+        """Whether it takes a focus stack, from which it computes one."""
+        return self.takes_stack
 
     @property
     def takes_stack(self) -> bool:
