@@ -64,5 +64,9 @@ def long_title(method: str) -> str:
 
 def title_within_a_sentence(method: str) -> str:
     """The full title, capitalised only where it begins with a name."""
-    title = long_title(method)
+    return within_a_sentence(long_title(method))
+
+
+def within_a_sentence(title: str) -> str:
+    """A title of a method, capitalised only where it begins with a name."""
     return title if title.startswith(("Kirchhoff", "Fresnel")) else title[0].lower() + title[1:]

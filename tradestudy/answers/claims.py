@@ -15,7 +15,7 @@ from tradestudy.cameras.focus import BlurCriterion, SharpRange
 from tradestudy.depth.table import judged_uncertainty
 from tradestudy.depth.usable import boundaries, evaluate_limits, kept_by, margin
 from tradestudy.execution.steps import Progress, mixed
-from tradestudy.light_methods import short_title
+from tradestudy.light_methods import short_title, within_a_sentence
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.prepared import Case, PreparedStudy
@@ -162,9 +162,7 @@ def _words(element: str) -> str:
 
 
 def _title(method: str) -> str:
-    """The short title of a method, capitalised only where it begins with a name."""
-    title = short_title(method)
-    return title if title.startswith(("Kirchhoff", "Fresnel")) else title[0].lower() + title[1:]
+    return within_a_sentence(short_title(method))
 
 
 def _present(part: PartT | None) -> PartT:
