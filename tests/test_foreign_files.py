@@ -61,6 +61,17 @@ def test_a_run_keeps_files_of_others_beside_its_own(finished: Path, tmp_path: Pa
     assert {after[name] for name in added} == {MINE}
 
 
+@pytest.mark.parametrize("command", [("run", RIGHT, "--out"), ("report",)])
+def test_without_a_pdf_that_of_an_earlier_report_is_removed_as_the_help_says(
+    command: tuple[object, ...], finished: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(finished, folder)
+    assert _invoke(*command, folder, "--no-pdf")[0] == 0
+    assert _content(folder).keys() == _content(finished).keys() - {"report.pdf"}
+    assert "remove that of an earlier report" in _invoke(command[0], "--help")[1]
+
+
 @pytest.mark.parametrize("fresh", [["--fresh"], []])
 def test_a_run_removes_what_only_an_earlier_run_of_other_values_wrote(
     fresh: list[str], finished: Path, tmp_path: Path

@@ -77,6 +77,9 @@ DaskOption = Annotated[
     ),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Ignore the results of earlier runs.")]
+NoPdfOption = Annotated[
+    bool, typer.Option("--no-pdf", help="Do not write report.pdf, and remove that of an earlier report.")
+]
 LargeTablesOption = Annotated[
     bool, typer.Option("--large-tables", help="Also write tables/*.csv above 50 MB; other tables are always written.")
 ]
@@ -128,7 +131,7 @@ def run(
     threads: ThreadsOption = None,
     dask: DaskOption = None,
     fresh: FreshOption = False,
-    no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Do not write report.pdf.")] = False,
+    no_pdf: NoPdfOption = False,
     large_tables: LargeTablesOption = False,
     strict: Annotated[
         bool,
@@ -414,7 +417,7 @@ def new(
 @app.command()
 def report(
     directory: DirectoryArgument,
-    no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf as it is.")] = False,
+    no_pdf: NoPdfOption = False,
     large_tables: LargeTablesOption = False,
     debug: DebugOption = False,
 ) -> None:
