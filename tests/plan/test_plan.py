@@ -16,6 +16,7 @@ from tradestudy.depth.evaluation import depth_uncertainty
 from tradestudy.errors import OutOfRangeError, StudyError, UnaffordableError
 from tradestudy.models.plan import Plan, _space, size_of_depth
 from tradestudy.models.point_spreads import refuse_spreads
+from tradestudy.models.slow_steps import work_of
 from tradestudy.optics.lens_point_spread import point_spread
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.study.prepared import Choices
@@ -283,6 +284,27 @@ def test_check_passes_what_plan_passes(override: str) -> None:
     loaded = tradestudy.load(STUDIES / "close_range.yaml", [override])
     assert loaded.check() == loaded.check_summary()
     assert loaded.plan().problems
+
+
+@pytest.mark.parametrize(
+    ("swept", "values", "designs"),
+    [
+        ("pair-f22.baseline", "[50 mm, 60 mm]", {"pair-f22": 3}),  # with the declared one
+        ("cameras.pair-f22.baseline", "[50 mm, 60 mm]", {"pair-f22": 3}),
+        (
+            "usable_range.overlap",
+            "[40 %, 60 %]",
+            {"pair-f9.8": 3, "pair-f22": 3, "pair-f5.6": 3, "pair-declared": 3},
+        ),
+    ],
+)
+def test_a_plan_counts_the_designs_of_every_camera_that_a_sweep_changes(
+    swept: str, values: str, designs: dict[str, int]
+) -> None:
+    """Usable ranges, and with them the tables of depth, are computed anew for every limit."""
+    prepared = tradestudy.load(STUDIES / "close_range.yaml", [f"sweep={{{swept}: {values}}}"]).prepared
+    counted = {work.problem: int(work.amount.split()[0]) for work in work_of(prepared) if work.step == "depth"}
+    assert counted == dict.fromkeys(prepared.case.cameras, 1) | designs
 
 
 def test_a_plan_names_the_memory_of_a_large_sweep() -> None:

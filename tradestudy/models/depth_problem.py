@@ -24,7 +24,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.document import Entry
 from tradestudy.study.prepared import PreparedStudy, complete_in_closed_form
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.varying import SweepAxis, Varying, sweep_axes
+from tradestudy.study.varying import SweepAxis, Varying, axes_of_camera
 from tradestudy.wording import NO_MICROLENSES
 
 # Models are compared at no more than this many of the study's distances, since changes vary slowly with distance.
@@ -304,12 +304,7 @@ def _axes_of_cameras(study: PreparedStudy) -> Iterator[tuple[SweepAxis, ...]]:
 
     An axis of another camera would take the place of designs in which the camera itself changes.
     """
-    axes = sweep_axes(study)
-    paths = [study.document.path_of(axis.path) for axis in axes]
-    of_cameras = (
-        tuple(axis for axis, path in zip(axes, paths, strict=True) if path[0] != "cameras" or path[1] == camera_name)
-        for camera_name in study.case.cameras
-    )
+    of_cameras = (axes_of_camera(study, camera_name) for camera_name in study.case.cameras)
     yield from dict.fromkeys(camera_axes for camera_axes in of_cameras if camera_axes)
 
 

@@ -14,7 +14,7 @@ from tradestudy.effects import OFF, Models
 from tradestudy.imaging.picture import kirchhoff_lattice
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.wave_optics import LightSpotPart
-from tradestudy.study.varying import calibrations_to_infer, sweep_axes
+from tradestudy.study.varying import axes_of_camera, calibrations_to_infer
 from tradestudy.wording import counted
 
 # On one core of a laptop; good to a factor of about five, which suffices to tell seconds from minutes and hours.
@@ -95,11 +95,10 @@ def _depth(study: PreparedStudy) -> Iterator[Work]:
     if lattice := kirchhoff_lattice(case.cameras.values(), case.distance):
         amount = f"Kirchhoff diffraction at {counted(len(lattice), 'value')} of defocus"
         yield _work("pictures", "Kirchhoff diffraction at a defocus", len(lattice), amount)
-    axes = sweep_axes(study)
     places = len(CORNERS) * len(file.propagation.field_places)
     for camera_name, camera in case.cameras.items():
         exact = "exact" if camera.propagation.model == "exact" else "linear"
-        designs = math.prod(len(axis.values) for axis in axes if axis.path.partition(".")[0] == camera_name)
+        designs = math.prod(len(axis.values) for axis in axes_of_camera(study, camera_name))
         for step, count, noun in (
             ("depth", designs, "design"),
             ("depth off the axis", places, "place"),

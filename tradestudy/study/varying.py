@@ -65,6 +65,12 @@ def sweep_axes(study: PreparedStudy) -> tuple[SweepAxis, ...]:
     )
 
 
+def axes_of_camera(study: PreparedStudy, camera_name: str) -> tuple[SweepAxis, ...]:
+    """The axes of the sweep that can change a camera: its own, and those of what all cameras share."""
+    paths = [(axis, study.document.path_of(axis.path)) for axis in sweep_axes(study)]
+    return tuple(axis for axis, path in paths if path[0] != "cameras" or path[1] == camera_name)
+
+
 def sweep_points(study: PreparedStudy, axes: tuple[SweepAxis, ...]) -> list[PreparedStudy]:
     """The study at every combination of values, with the last axis varying fastest; without axes, the study itself.
 
