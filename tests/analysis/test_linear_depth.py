@@ -11,9 +11,9 @@ import pytest
 
 from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
 from tests.cameras.builders import stereo
-from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE
-from tradestudy.depth.evaluation import model_error
+from tradestudy.depth.evaluation import distribution, model_error
 from tradestudy.depth.linear import linear_distribution, linearised_depth
 from tradestudy.models.plan import plan_of
 from tradestudy.study.loading import load_prepared
@@ -104,6 +104,23 @@ def test_the_measured_error_of_the_linear_model_is_its_true_error(spread: float)
         assert found.half_width[k] == pytest.approx(missed[0], abs=2e-3)
         assert found.intervals[k] == pytest.approx(max(missed), abs=6e-3)
         assert found.intervals[k] >= found.half_width[k]
+
+
+@pytest.mark.parametrize("model", ["off", "linear", "exact"])
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+def test_a_constant_error_is_exact_in_every_model(model: str, offset: float) -> None:
+    """A baseline that is certainly off by a share scales depth and its noise, and adds no uncertainty."""
+    constant = of_rig("baseline", Normal(mean=offset * B, standard_deviation=0.0))
+    rig = stereo(calibration=Calibration(groups=(constant,)), propagation=Propagation(model=model))
+    places = np.array([1.0, 3.0])
+    for quantile in distribution(rig, places, "calibration").quantiles[0]:
+        np.testing.assert_allclose(quantile, (1.0 + offset) * places, rtol=1e-9)
+    widened = distribution(rig, places, "both").half_width / distribution(stereo(), places, "noise").half_width
+    np.testing.assert_allclose(widened, 1.0 + offset, rtol=1e-9)
+    for source in ("calibration", "both"):
+        found = model_error(rig, places, source)
+        for error in (found.half_width, found.radius, found.judged, found.intervals, found.failures()):
+            np.testing.assert_array_equal(error, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -213,7 +213,8 @@ def model_error(
     distances do: between two of them, the larger error counts, plus twice the standard error of the draws.
     """
     seen = distance[~np.isnan(distance)]
-    if not seen.size or error_source == "noise" or not camera.calibration.groups:  # exact in every model
+    varies = error_source != "noise" and any(group.dimensions for group in camera.calibration.groups)
+    if not seen.size or not varies:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return ModelError(half_width=none, radius=none, judged=none, intervals=none, failures=lambda: none)
     if (curved := second_order(camera, distance, field, error_source)) is not None:
