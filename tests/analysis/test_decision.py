@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 from tests.analysis.plain_depths import PIXEL, B, half_width, of_rig
 from tests.analysis.test_linear_depth import STUDY
 from tests.cameras.builders import stereo
-from tradestudy.answers.decision import TIED, best_cameras, decide_pair
+from tradestudy.answers import decision
+from tradestudy.answers.decision import TIED, PairVerdict, best_cameras, decide_pair
 from tradestudy.answers.questions import solve
 from tradestudy.answers.ranks import rank
 from tradestudy.cameras.calibration import Calibration, Propagation
@@ -85,6 +86,35 @@ def test_cameras_that_differ_by_less_than_their_error_are_tied(seed: int) -> Non
     assert all(row[2] == f"one{TIED}other" for row in same.winner)
     assert all(row[2] == "" for row in same.more_certain)
     assert same.crossings["both"] == same.changes["both"] == ()
+
+
+def test_a_reading_is_decided_anew_if_it_changes_a_distance_or_a_compared_camera(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nine distances in equal steps are also every other one of seventeen, so draws must converge at the same ones."""
+    others = "  other: {like: rig, depth: {disparity_error: 2 px}}\n  third: {like: rig}\n"
+    text = STUDY.replace("ERRORS", "baseline: {standard_deviation: 1 mm}").replace("scene:", others + "scene:")
+    asked = (
+        "decision: {between: [rig, other], at: [2 m]}\n"
+        "readings:\n"
+        "  finer: {says: At more distances., set: {scene.distances.points: 17}}\n"
+        "  worse: {says: A worse rig., set: {rig.depth.disparity_error: 3 px}}\n"
+        "  beside: {says: A worse third rig., set: {third.depth.disparity_error: 3 px}}\n"
+    )
+    file = tmp_path / "three.yaml"
+    file.write_text(text.replace("points: 21", "points: 9, spacing: linear") + asked, encoding="utf-8")
+    study = load_prepared(file)
+    decided: list[Case] = []
+
+    def recorded(case: Case, pair: tuple[str, str], places: np.ndarray) -> PairVerdict:
+        decided.append(case)
+        return decide_pair(case, pair, places)
+
+    monkeypatch.setattr(decision, "decide_pair", recorded)
+    readings = {"declared": study, **study.readings}
+    decision.decision_group(study, readings)
+    anew = [name for name, reading in readings.items() if any(reading.case is case for case in decided)]
+    assert anew == ["declared", "finer", "worse"]
 
 
 def test_ties_use_both_errors_and_only_usable_cameras() -> None:

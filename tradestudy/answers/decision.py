@@ -388,9 +388,11 @@ def decision_group(
         known: dict[Any, PairVerdict] = {}  # by what a verdict depends on: readings may change other cameras only
         for done, (name, reading) in enumerate(readings.items()):
             progress("decision", done / len(readings))
-            compared = (*(reading.case.cameras[camera_name] for camera_name in pair), reading.case.criteria)
+            under = reading.case
+            cameras = (under.cameras[camera_name] for camera_name in pair)
+            compared = (*cameras, under.criteria, under.distance.tobytes())
             if compared not in known:
-                known[compared] = decide_pair(reading.case, pair, places)
+                known[compared] = decide_pair(under, pair, places)
             verdicts[name] = known[compared]
         values |= _pair_arrays(list(verdicts.values()), file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = readings_say(study, readings)
