@@ -126,6 +126,25 @@ def test_rows_of_a_posterior_are_the_distribution() -> None:
     assert math.isclose(found.half_width[0], true, rel_tol=5e-3)
 
 
+def test_the_failed_share_is_corrected_for_a_posterior_whose_mean_is_not_zero() -> None:
+    """A yaw that moves infinity to about 100 m, where half of the draws fail: the line fails for as many."""
+    rng = np.random.default_rng(11)
+    draws = np.stack([rng.normal(-1e-3, 3e-4, 3000), rng.normal(0.0, 0.01 * B, 3000)], axis=1)
+    rows = JointDraws(name="rows", parameters=("yaw", "baseline"), draws=draws, error_class=ErrorClass.RIG)
+    few = replace(EXACT, judged=(2.0, 60.0, 100.0), max_draws=2**11)
+    rig = stereo(disparity_error_px=0.5, calibration=Calibration(groups=(rows,)), propagation=few)
+    many = replace(rig, propagation=replace(few, tolerance=1e-9, max_draws=2**18, seed=1))
+    places = np.array([60.0, 100.0])
+    true = exact_distribution(many, places, 0.0, "both").failures().mean(axis=0)
+    assert 0.01 < true[0] < 0.05 < 0.4 < true[1] < 0.6
+    errors = []
+    for seed in range(20):
+        one = replace(rig, propagation=replace(few, seed=seed))
+        errors.append(exact_distribution(one, places, 0.0, "both").failures().mean(axis=0) - true)
+    assert np.std(errors, axis=0).max() < 1.2e-3  # 1.9e-3 and 4.2e-3 without correction
+    assert np.abs(np.mean(errors, axis=0)).max() < 5e-4
+
+
 def test_without_tolerance_no_interval_has_converged_even_without_a_far_end() -> None:
     depths = np.stack([np.array([[0.9, 0.9], [1.0, 1.0], [far, np.inf]]) for far in (1.1, 1.2)])
     found = DepthDistribution(

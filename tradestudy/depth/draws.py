@@ -105,10 +105,11 @@ def sampling_error(
     deviation = np.linalg.norm(of_scores, axis=1)
     rows = of_rows @ drivers.rows
     exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ variables, scrambles, axis=1)
-    # The line has slopes but no constant term, so the means of the draws place infinity and the true distance on it.
-    infinity = -ranked.mean(axis=1, keepdims=True)
+    # The line has slopes but no constant term: the means of the draws and of the line, which is not zero if that of a
+    # posterior is not, place infinity and the true distance on it.
+    middle = ranked.mean(axis=1, keepdims=True) - np.mean(lines, axis=(0, 2))[:, np.newaxis]
+    infinity = -middle
     beyond = _share_below(rows, deviation, infinity)
-    middle = -infinity - np.mean(lines, axis=(0, 2))[:, np.newaxis]
     lines = [np.sort(line, axis=1) for line in lines]
     radii = np.stack([within.radius(middle + line) for line in lines])
     return SamplingError(
