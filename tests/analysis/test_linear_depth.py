@@ -8,14 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ndtr, ndtri
 
 from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
 from tests.cameras.builders import stereo
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE
+from tradestudy.cameras.parts import Lens
 from tradestudy.depth.evaluation import distribution, model_error
 from tradestudy.depth.linear import linear_distribution, linearised_depth
 from tradestudy.models.plan import plan_of
+from tradestudy.optics.lens_model import Rational
 from tradestudy.study.loading import load_prepared
 from tradestudy.uncertainty.distributions import Normal
 
@@ -64,6 +67,37 @@ def test_a_line_in_inverse_depth_holds_where_a_line_in_depth_fails(distance: flo
     line = linearised_depth(rig, np.array([distance]), 0.0)
     in_depth = 1.959964 * distance**2 * float(line.standard_deviation[0])
     assert (abs(in_depth / true - 1.0) > 0.01) == (distance > 1.45)
+
+
+@pytest.mark.parametrize("distance", [12.0, 40.0, 1e3])
+def test_failures_are_found_at_scores_of_a_tiny_noise_in_the_billions(distance: float) -> None:
+    """Disparity is linear in its noise, so failures are those of a normal inverse depth."""
+    rig = with_one("yaw", YAW)
+    line = linear_distribution(rig, np.array([distance]), 0.0, "calibration")
+    deviation = linearised_depth(rig, np.array([distance]), 0.0).standard_deviation[0]
+    assert line.failed[0, 0] == pytest.approx(ndtr(-1.0 / distance / deviation), rel=1e-8)
+
+
+@pytest.mark.parametrize(("k1", "field", "noise_px"), [(-0.1, 0.9, 20.0), (-0.3, 0.5, 20.0)])
+def test_failures_are_found_where_noise_moves_images_out_of_the_field_of_a_lens(
+    k1: float, field: float, noise_px: float
+) -> None:
+    """The lens model has no ray at one end of the search, or at both."""
+    yaw = of_rig("yaw", Normal(mean=0.0, standard_deviation=math.radians(0.5)))
+    rig = stereo(
+        lens=Lens(focal_length=6e-3, f_number=4.0),
+        distortion=Rational(k1=k1),
+        disparity_error_px=noise_px,
+        calibration=Calibration(groups=(yaw,)),
+    )
+    truth = np.array([0.5, 1.0, 2.0, 4.0, 8.0, 20.0])
+    line = linearised_depth(rig, truth, field)
+    scale = line.standard_deviation / np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
+    scores = ndtri((np.arange(200_000) + 0.5) / 200_000)[:, np.newaxis] * scale
+    noise = scores * noise_px * rig.sample_pitch
+    read = rig.measured_depth(truth, field, {PIXEL_NOISE: noise, "yaw": np.zeros((1, 1))})
+    lost = read.no_overlap | read.out_of_range | ~(read.inverse_depth > 0.0)
+    assert linear_distribution(rig, truth, field, "both").failed[0] == pytest.approx(lost.mean(axis=0), abs=1e-5)
 
 
 def test_a_line_in_inverse_depth_misses_a_baseline_that_is_off_by_a_tenth() -> None:

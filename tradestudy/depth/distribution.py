@@ -269,7 +269,7 @@ def without_rounding(error: FloatArray, distance: FloatArray) -> FloatArray:
 
 
 def last_score(
-    reach: FloatArray, read: Callable[[FloatArray], FloatArray], *, to: float, estimate: FloatArray
+    reach: FloatArray, read: Callable[[FloatArray], FloatArray], *, to: FloatArray | float, estimate: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Brackets of the scores (distances,) at which a falling margin ceases to be positive, and what is read there.
 

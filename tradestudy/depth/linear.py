@@ -33,7 +33,8 @@ from tradestudy.uncertainty.sources import Source, Sources
 _STEP: Final = 1e-2
 _LEAST_NOISE_PX: Final = 1e-2  # smallest step of the noise; a smaller one would be lost in rounding
 _NEVER: Final = 1e-18  # a failed share below it lies beyond the farthest score and counts as 0
-_INFINITY_TO: Final = 1e-7  # of a standard deviation
+_INFINITY_TO: Final = 1e-7  # of a standard deviation, with linear interpolation within
+_ROUNDING: Final = 1e-15  # of the largest score
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -195,14 +196,24 @@ def _under_noise(
 
 def _score_of_infinity(under_noise: Callable[[FloatArray], FloatArray], reach: FloatArray) -> FloatArray:
     """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
+
+    def inverse_depth(scores: FloatArray) -> FloatArray:
+        # Where noise moves an image out of the field of a lens, no depth is read: the measurement fails if the score is
+        # low. The score itself, with its sign, then stands in for the inverse depth.
+        inverse = under_noise(scores)
+        return np.where(np.isnan(inverse), scores, inverse)
+
     # Inverse depth rises with the score, so infinity lies within reach only if the ends lie on both sides of it.
-    low, high = under_noise(np.stack([-reach, reach]))
+    low, high = inverse_depth(np.stack([-reach, reach]))
     score = np.where(high <= 0.0, reach, -reach)
     within = (low <= 0.0) & (high > 0.0)
     if within.any():
         line = np.where(within, reach * (low + high) / np.where(within, low - high, 1.0), 0.0)  # between the two ends
-        ends, _ = last_score(reach, lambda scores: -under_noise(scores)[:, np.newaxis], to=_INFINITY_TO, estimate=line)
-        score[within] = np.mean(ends, axis=0)[within]
+        to = np.maximum(_INFINITY_TO, _ROUNDING * reach)  # among scores in the billions, rounding is larger
+        ends, margin = last_score(reach, lambda scores: -inverse_depth(scores)[:, np.newaxis], to=to, estimate=line)
+        above, below = margin[:, 0]
+        share = np.divide(above, above - below, out=np.full(reach.shape, 0.5), where=above > below)
+        score[within] = (ends[0] + share * (ends[1] - ends[0]))[within]
     return np.asarray(score)
 
 
