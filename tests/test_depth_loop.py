@@ -181,6 +181,23 @@ def test_the_figure_can_be_read_whatever_the_bias(ran: tuple[api.Result, Path], 
     assert unreadable(figures.build(tree)["depth_loop"].draw()) == []
 
 
+def test_curves_are_named_by_their_light_if_the_names_fit(ran: tuple[api.Result, Path]) -> None:
+    tree = ran[0].data.copy(deep=True)
+
+    def names() -> list[list[str]]:
+        drawing = figures.build(tree)["depth_loop"]
+        assert "Every light has marks of its own; the table below lists their values." in drawing.caption
+        figure = drawing.draw()
+        assert unreadable(figure) == []
+        return [sorted(text.get_text() for text in panel.texts) for panel in figure.axes]
+
+    assert names() == [["Pair, 2000 e⁻", "Pair, 8000 e⁻"]] * 4
+    loop = tree["depth_loop"].to_dataset()
+    more = [loop.assign_coords(electrons=loop["electrons"] + number) for number in range(10)]
+    tree["depth_loop"] = xr.DataTree(xr.concat(more, "electrons", data_vars="minimal"))
+    assert names() == [["Pair"]] * 4
+
+
 def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, Path]) -> None:
     tree = ran[0].data
     drawings = figures.build(tree)

@@ -79,6 +79,14 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
         )
 
 
+def names_fit(axes: Axes, names: Sequence[str]) -> bool:
+    """Whether `name_ends` can write all these names beside a panel, in full."""
+    written = [_lines(name) for name in names]
+    _, height = panel_size(axes)
+    needed = sum(_LINE_HEIGHT * SMALLEST * (1 + name.count("\n")) for name in written)
+    return needed <= height and not any(name.endswith("…") for name in written)
+
+
 def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, is_known: Flags, **look: Any) -> None:
     """Fill the area between two curves where they are known, with the points that a page can show; set limits first.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.image import AxesImage
 
-from tradestudy.figures.curves import NamedCurve, name_ends
+from tradestudy.figures.curves import NamedCurve, name_ends, names_fit
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     FAINT,
@@ -32,7 +34,7 @@ from tradestudy.figures.style import (
 from tradestudy.figures.value_tables import Tables, depth_map_tables, picture_tables, uncertainty_map_tables
 from tradestudy.results.views.finding import ratio_to_middle
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
-from tradestudy.units import LENGTH, pretty, significant
+from tradestudy.units import ELECTRONS, FRACTION, LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
 
 _MOST = 6  # cameras
@@ -404,12 +406,18 @@ def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         "central 68.27 % interval) and the predicted depth uncertainty (curves). Second: spread of the errors, each "
         "divided by the standard deviation that noise causes in its matching window. Third: standard deviation of the "
         "errors without false matches, relative to the prediction of the matcher fitted at the distances with filled "
-        "marks; grey: within 10 %. Fourth: bias of the disparity; grey: within 0.05 px.",
+        "marks; grey: within 10 %. Fourth: bias of the disparity; grey: within 0.05 px." + _varied_words(data),
         alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved and predicted spread, the "
         f"spread relative to noise and to the fitted matcher, and bias. Spread relative to that from noise: "
         f"{_noise_words(tree)}.",
         draw=lambda: draw_loop(tree),
     )
+
+
+def _varied_words(data: xr.Dataset) -> str:
+    """Say where the values of several contrasts and lights are; empty if there is one of each."""
+    varied = [word for dim, word in (("contrast", "contrast"), ("electrons", "light")) if data.sizes[dim] > 1]
+    return f" Every {' and '.join(varied)} has marks of its own; the table below lists their values." if varied else ""
 
 
 def _noise_words(tree: xr.DataTree) -> str:
@@ -426,7 +434,10 @@ def _noise_words(tree: xr.DataTree) -> str:
 
 @styled()
 def draw_loop(tree: xr.DataTree) -> StudyFigure:
-    """Draw four panels over distance, with a colour for each camera, and several contrasts and lights side by side."""
+    """Draw four panels over distance, with a colour for each camera, and a curve for each of its contrasts and lights.
+
+    If the names of all curves do not fit beside a panel, one curve of each camera gets the name of the camera.
+    """
     data, titles = group(tree, "depth_loop"), camera_titles(tree)
     distance = data["distance"].values
     ends = float(distance[0]), float(distance[-1])
@@ -446,16 +457,27 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     panels[2].axhspan(1.0 - _TOLERANCE, 1.0 + _TOLERANCE, color=FAINT)
     panels[3].axhspan(-_LARGEST_BIAS, _LARGEST_BIAS, color=FAINT)
     drawn: list[list[NamedCurve]] = [[] for _ in panels]
-    for k in range(len(names)):
-        for c in range(data.sizes["contrast"]):
-            for e in range(data.sizes["electrons"]):
-                last_of_each = tuple(_draw(panels, data.isel(camera=k, contrast=c, electrons=e), k, names[k]))
-        for curves, last in zip(drawn, last_of_each, strict=True):
-            curves.append(last)
+    cameras: list[int] = []  # of the curves
+    for k, c, e in itertools.product(*(range(data.sizes[dim]) for dim in ("camera", "contrast", "electrons"))):
+        taken = data.isel(camera=k, contrast=c, electrons=e)
+        cameras.append(k)
+        label = ", ".join([names[k], *_texture_and_light(data, taken)])
+        for curves, curve in zip(drawn, _draw(panels, taken, k, label), strict=True):
+            curves.append(curve)
     for axes, curves in zip(panels, drawn, strict=True):
         axes.set_ylim(axes.get_ylim())  # from here on fixed, as names need it
+        if not names_fit(axes, [curve.name for curve in curves]):
+            last_of_each = dict(zip(cameras, curves, strict=True))
+            curves = [replace(curve, name=names[k]) for k, curve in last_of_each.items()]
         name_ends(axes, curves)
     return figure
+
+
+def _texture_and_light(data: xr.Dataset, taken: xr.Dataset) -> Iterator[str]:
+    """The contrast and the light of some pictures, where the loop has several."""
+    for dim, dimension in (("contrast", FRACTION), ("electrons", ELECTRONS)):
+        if data.sizes[dim] > 1:
+            yield pretty(float(taken[dim].item()), dimension)
 
 
 def _draw(panels: Sequence[Axes], data: xr.Dataset, order: int, label: str) -> Iterator[NamedCurve]:
