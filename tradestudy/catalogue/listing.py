@@ -101,9 +101,9 @@ def filters(kind: str | None, distances: str | None, baseline: str | None, field
     )
 
 
-def lines(filters: Filters) -> Iterator[str]:
+def lines(chosen: Filters) -> Iterator[str]:
     """A table of the cameras that pass the filters; then which ones could not be judged."""
-    decided = [(camera, filters.keep(camera)) for camera in listed()]
+    decided = [(camera, chosen.keep(camera)) for camera in listed()]
     rows = [_HEAD, *(_row(camera) for camera, kept in decided if kept)]
     if len(rows) == 1:
         rows = [("no camera passes these filters",)]
@@ -135,9 +135,9 @@ def _length(value: float | None) -> str:
     return "-" if value is None else pretty(value, LENGTH, 3)
 
 
-def content(filters: Filters) -> dict[str, Any]:
+def content(chosen: Filters) -> dict[str, Any]:
     """The same as plain data in SI units: cameras that pass, cameras that could not be judged, and wanted ones."""
-    decided: Sequence[tuple[Listed, bool | None]] = [(camera, filters.keep(camera)) for camera in listed()]
+    decided: Sequence[tuple[Listed, bool | None]] = [(camera, chosen.keep(camera)) for camera in listed()]
     return {
         "cameras": [_plain(camera) for camera, kept in decided if kept],
         "undecided": [_plain(camera) for camera, kept in decided if kept is None],

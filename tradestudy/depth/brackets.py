@@ -50,7 +50,7 @@ def between(
         share, error = (zero - low) / width, np.maximum(_OFF * apart, least) / width
     # A share that is NaN fails both comparisons, so that such a bracket is divided equally.
     known = (share > 0.0) & (share < 1.0) & (width * (sections - 1) < previous)
-    # On each side, the last of sections/2 − 1 places then lies at the likely error from the zero.
+    # On each side, the last of sections/2 − 1 places then lies within the likely error of the zero.
     ratio = np.clip(np.where(known, error, 1.0), *_NEAREST) ** (-2.0 / (sections - 2))
     even = np.linspace(0.0, 1.0, sections + 1)[1:-1, np.newaxis]
     return low + np.where(known, falling(np.where(known, share, 0.5), ratio, sections), even) * width

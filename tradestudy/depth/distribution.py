@@ -248,9 +248,9 @@ def _lean_of_line(read: Callable[[FloatArray], FloatArray], distance: FloatArray
         middle, slope = (near + far) / 2.0, (near - far) / (2.0 * score)
 
         def margin(lean: FloatArray) -> FloatArray:
-            far, near = ndtri(outside * ndtr([lean, -lean]))
-            below = np.abs(1.0 - 1.0 / (middle - slope * near))
-            return np.asarray(1.0 / (1.0 + below) - (middle + slope * far))
+            at_far, at_near = ndtri(outside * ndtr([lean, -lean]))  # scores, the near one reversed
+            below = np.abs(1.0 - 1.0 / (middle - slope * at_near))
+            return np.asarray(1.0 / (1.0 + below) - (middle + slope * at_far))
 
         # To first order in the relative error of depth, from the densities at the centre and at the ends.
         first = slope * score**2 * math.exp(-(score**2) / 2.0) / outside

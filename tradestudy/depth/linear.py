@@ -32,7 +32,7 @@ from tradestudy.uncertainty.sources import Source, Sources
 # 1e-12, which leaves them smooth for solvers, with a truncation error of a ten-thousandth of the third-order term.
 _STEP: Final = 1e-2
 _LEAST_NOISE_PX: Final = 1e-2  # smallest step of the noise; a smaller one would be lost in rounding
-_NEVER: Final = 1e-18  # a failed share below it lies beyond the farthest score and counts as 0
+_NEVER: Final = 1e-18  # smaller failed shares, of scores near the farthest one or beyond it, count as 0
 _INFINITY_TO: Final = 1e-7  # of a standard deviation, with linear interpolation within
 _ROUNDING: Final = 1e-15  # of the largest score
 

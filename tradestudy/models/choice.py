@@ -83,13 +83,13 @@ def choose_each(
     return choices
 
 
-def refuse_chosen_spot(study: PreparedStudy, problems: Sequence[Choice]) -> None:
+def refuse_chosen_spot(study: PreparedStudy, choices: Sequence[Choice]) -> None:
     """Refuse the picture of a light spot by its chosen models as `refuse_picture` does; nothing without a spot."""
     if (spot := study.file.light_spot) is not None:
         from tradestudy.models.light_spot import NAME, spot_models
         from tradestudy.models.light_trial import refuse_picture
 
-        refuse_picture(spot, spot_models(next(choice.models for choice in problems if choice.name == NAME)))
+        refuse_picture(spot, spot_models(next(choice.models for choice in choices if choice.name == NAME)))
 
 
 def choose_depth_models(study: PreparedStudy, names: Collection[str]) -> dict[str, Models]:
