@@ -174,36 +174,38 @@ def best_along(case: Case, camera_names: Sequence[str]) -> tuple[FloatArray, lis
     grid = np.unique(np.concatenate([sides.ravel(), *(sought(camera, case.distance) for camera in cameras.values())]))
     # The error of a model is estimated for many distances together, and changes slowly between them.
     errors = {
-        (name, source): _relative_error(camera, grid, source)
+        (name, error_source): _relative_error(camera, grid, error_source)
         for name, camera in cameras.items()
-        for source in ERROR_SOURCES
+        for error_source in ERROR_SOURCES
     }
 
-    def best(places: FloatArray, source: str) -> list[str]:
+    def best(places: FloatArray, error_source: str) -> list[str]:
         usable = {
             name: _within(usable_intervals(camera, case.criteria, case.distance), places)
             for name, camera in cameras.items()
         }
-        uncertainty = {name: judged_uncertainty(camera, places, source) for name, camera in cameras.items()}
-        error = {name: finite(uncertainty[name]) * np.interp(places, grid, errors[name, source]) for name in cameras}
+        uncertainty = {name: judged_uncertainty(camera, places, error_source) for name, camera in cameras.items()}
+        error = {
+            name: finite(uncertainty[name]) * np.interp(places, grid, errors[name, error_source]) for name in cameras
+        }
         return best_cameras(usable, uncertainty, error)
 
     places, winners = grid, np.array(best(grid, ERROR_SOURCES[-1]), dtype=object)
     while True:
         change = (winners[1:] != winners[:-1]) & (places[1:] > places[:-1] * (1.0 + _CHANGED_TO))
         if not change.any():
-            return places, [best(places, source) for source in ERROR_SOURCES]
+            return places, [best(places, error_source) for error_source in ERROR_SOURCES]
         after = np.flatnonzero(change) + 1
         middles = np.sqrt(places[after - 1] * places[after])
         places = np.insert(places, after, middles)
         winners = np.insert(winners, after, best(middles, ERROR_SOURCES[-1]))
 
 
-def _relative_error(camera: DepthCamera, distance: FloatArray, source: str) -> FloatArray:
+def _relative_error(camera: DepthCamera, distance: FloatArray, error_source: str) -> FloatArray:
     """Stated error of a depth uncertainty, and what interpolation may add to it, relative to it."""
-    error = stated_error(camera, judged_uncertainty_error(camera, distance, source))
+    error = stated_error(camera, judged_uncertainty_error(camera, distance, error_source))
     with np.errstate(invalid="ignore", divide="ignore"):  # unbounded or not measured
-        return np.nan_to_num(error / judged_uncertainty(camera, distance, source)) + _ROUNDING
+        return np.nan_to_num(error / judged_uncertainty(camera, distance, error_source)) + _ROUNDING
 
 
 def _within(intervals: Sequence[Interval], distance: FloatArray) -> BoolArray:
@@ -216,11 +218,11 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     cameras = {name: case.cameras[name] for name in pair}
     usable = {name: is_usable(case, name, places, distribution) for name in pair}
     winners, certain, ratios = [], [], []
-    for source in ERROR_SOURCES:
+    for error_source in ERROR_SOURCES:
         uncertainty, error = {}, {}
         for name, camera in cameras.items():
-            uncertainty[name] = distribution(camera, imaged(camera, places), source).judged
-            estimated = judged_uncertainty_error(camera, places, source, depth=distribution)
+            uncertainty[name] = distribution(camera, imaged(camera, places), error_source).judged
+            estimated = judged_uncertainty_error(camera, places, error_source, depth=distribution)
             error[name] = stated_error(camera, estimated)
         winners.append(best_cameras(usable, uncertainty, error))
         everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
@@ -231,7 +233,8 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     crossings = {error_source: _crossings(case, pair, error_source) for error_source in ERROR_SOURCES}
     ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
     possible = {
-        source: ends | {crossing.distance: crossing.error for crossing in crossings[source]} for source in ERROR_SOURCES
+        error_source: ends | {crossing.distance: crossing.error for crossing in crossings[error_source]}
+        for error_source in ERROR_SOURCES
     }
     return PairVerdict(
         winner=[list(row) for row in zip(*winners, strict=True)],
@@ -385,14 +388,14 @@ def decision_group(
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
         verdicts: dict[str, PairVerdict] = {}
-        known: dict[Any, PairVerdict] = {}  # by what a verdict depends on: readings may change other cameras only
+        known: dict[Any, PairVerdict] = {}  # by what a verdict depends on, which a reading may leave unchanged
         for done, (name, reading) in enumerate(readings.items()):
             progress("decision", done / len(readings))
-            under = reading.case
-            cameras = (under.cameras[camera_name] for camera_name in pair)
-            compared = (*cameras, under.criteria, under.distance.tobytes())
+            case_of_reading = reading.case
+            cameras = (case_of_reading.cameras[camera_name] for camera_name in pair)
+            compared = (*cameras, case_of_reading.criteria, case_of_reading.distance.tobytes())
             if compared not in known:
-                known[compared] = decide_pair(under, pair, places)
+                known[compared] = decide_pair(case_of_reading, pair, places)
             verdicts[name] = known[compared]
         values |= _pair_arrays(list(verdicts.values()), file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = readings_say(study, readings)

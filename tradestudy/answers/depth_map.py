@@ -116,13 +116,13 @@ def depth_map(camera: DepthCamera, distance: FloatArray) -> UncertaintyMap | Non
     z, y, x = (grid.ravel() for grid in np.meshgrid(distance, down, across, indexing="ij"))
     at_places = _AtPlaces(camera=camera, places=PicturePlaces(across=x, down=y))
     with_calibration = bool(camera.calibration.groups)
-    false = false_match_share(camera, "both")
+    false_matches = false_match_share(camera, "both")
     predicted = (
-        linear_distribution(at_places, z, 0.0, "both", false)
+        linear_distribution(at_places, z, 0.0, "both", false_matches)
         if with_calibration
-        else noise_distribution(at_places, z, 0.0, false)
+        else noise_distribution(at_places, z, 0.0, false_matches)
     )
-    # The map is linear whichever model the study propagates errors by, and so is the error to be stated.
+    # The map is linear whichever model the study propagates errors by, so the error to state is that of the linear one.
     linear = replace(camera, propagation=replace(camera.propagation, model="linear"))
     missed = [model_error(linear, distance, "both", field) for field in _MODEL_PLACES]
     shape = len(distance), DOWN, ACROSS

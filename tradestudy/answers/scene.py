@@ -216,13 +216,13 @@ def _problems_of_depth_maps(study: PreparedStudy, rig: Rig | None) -> Iterator[P
 def _problems_of_loop(study: PreparedStudy) -> Iterator[Problem]:
     where, loop = ("depth_loop",), study.file.depth_loop
     assert loop is not None
-    checked: set[tuple[str, float]] = set()  # cameras and lights: neither distance nor contrast changes saturation
+    checked: set[tuple[str, float]] = set()  # neither distance nor contrast changes saturation
     try:
         for point in loop_points(study, loop).values():
             settings = point.settings
-            if (taken := (point.name, settings.light.electrons)) in checked:
+            if (camera_and_light := (point.name, settings.light.electrons)) in checked:
                 continue
-            checked.add(taken)
+            checked.add(camera_and_light)
             near, far = point.distance / _SEARCHED, point.distance * _SEARCHED
             search = DepthSearch(near=near, far=far, window_px=point.window_px)
             point.reader(camera=point.camera, search=search)

@@ -457,17 +457,17 @@ def draw_loop(tree: xr.DataTree) -> StudyFigure:
     panels[2].axhspan(1.0 - _TOLERANCE, 1.0 + _TOLERANCE, color=FAINT)
     panels[3].axhspan(-_LARGEST_BIAS, _LARGEST_BIAS, color=FAINT)
     drawn: list[list[NamedCurve]] = [[] for _ in panels]
-    cameras: list[int] = []  # of the curves
+    camera_of_curve: list[int] = []
     for k, c, e in itertools.product(*(range(data.sizes[dim]) for dim in ("camera", "contrast", "electrons"))):
         taken = data.isel(camera=k, contrast=c, electrons=e)
-        cameras.append(k)
+        camera_of_curve.append(k)
         label = ", ".join([names[k], *_texture_and_light(data, taken)])
         for curves, curve in zip(drawn, _draw(panels, taken, k, label), strict=True):
             curves.append(curve)
     for axes, curves in zip(panels, drawn, strict=True):
         axes.set_ylim(axes.get_ylim())  # from here on fixed, as names need it
         if not names_fit(axes, [curve.name for curve in curves]):
-            last_of_each = dict(zip(cameras, curves, strict=True))
+            last_of_each = dict(zip(camera_of_curve, curves, strict=True))
             curves = [replace(curve, name=names[k]) for k, curve in last_of_each.items()]
         name_ends(axes, curves)
     return figure

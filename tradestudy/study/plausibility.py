@@ -162,14 +162,14 @@ def contradictions(study: PreparedStudy) -> list[tuple[str, Contradiction]]:
     """Cross-check the inputs of every camera of a study."""
     tolerance = study.file.accuracy.asked().tolerances["depth_uncertainty"]
     picture = None if study.file.scene is None else study.file.scene.picture
-    by_camera = []
+    pairs = []
     for name, camera in study.case.all_cameras.items():
         of_camera = [*camera.contradictions(study.file.cameras[name].stated, tolerance)]
         if picture is not None:
             noise = picture.noise(camera.sensor)
             of_camera += digitiser_contradictions(camera.sensor, noise.full_well_electrons, noise.bits)
-        by_camera += [(name, contradiction) for contradiction in of_camera]
-    return by_camera
+        pairs += [(name, contradiction) for contradiction in of_camera]
+    return pairs
 
 
 def _contradictory(study: PreparedStudy) -> Iterator[Problem]:

@@ -158,25 +158,29 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         return
     titles, decision = camera_titles(tree), group(tree, "decision")
     says = readings_in_words(decision)
-    others = any(verdict.alternatives for verdict in verdicts)  # readings
+    has_other_readings = any(verdict.alternatives for verdict in verdicts)
     pair = f"{titles[decision.attrs['first']]} against {with_article(titles[decision.attrs['second']])}"
-    changed = ", and the other readings that change this, each with the camera that is then better" if others else ""
+    changed = (
+        ", and the other readings that change this, each with the camera that is then better"
+        if has_other_readings
+        else ""
+    )
     yield Table(
         name="verdict-table",
         caption=f"{pair}: the better camera of those that are usable{changed}. On the right: the camera with the "
         "smaller depth uncertainty, usable or not, and the ratio of the two uncertainties.",
         columns=(
             Column(title="At", align="right"),
-            Column(title="Better, where usable", weight=0 if others else 1),
-            *((Column(title="Other readings that change this", weight=1),) if others else ()),
-            Column(title="More certain", weight=0 if others else 1),
+            Column(title="Better, where usable", weight=0 if has_other_readings else 1),
+            *((Column(title="Other readings that change this", weight=1),) if has_other_readings else ()),
+            Column(title="More certain", weight=0 if has_other_readings else 1),
             Column(title="By a factor of", align="right"),
         ),
         rows=tuple(
             (
                 distance(verdict.place),
                 answer_title(titles, verdict.winner, "neither"),
-                *((_flipped(verdict, titles, says),) if others else ()),
+                *((_flipped(verdict, titles, says),) if has_other_readings else ()),
                 answer_title(titles, verdict.more_certain, "neither" if np.isnan(verdict.ratio) else "tied"),
                 _factor(verdict.ratio) + (", within the tolerance" if verdict.within_tolerance else ""),
             )
