@@ -139,7 +139,7 @@ def _written(file_format: Format, rig: ImportedRig, stem: str) -> Iterator[tuple
     """The files of a format, and what they lack; no files if the format cannot represent the lens at all."""
     assert file_format.write is not None
     missing: list[str] = []
-    # Each round leaves out the coefficients that were refused, until the rest can be written or nothing was left out.
+    # Each round leaves out the refused coefficients, until the rest can be written or nothing more can be left out.
     while True:
         try:
             yield file_format.write(rig, stem), missing

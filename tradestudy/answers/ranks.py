@@ -81,7 +81,7 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
         replicates=_SCRAMBLES,
         seed=first.propagation.seed,
         point="rank",
-        # As many draws as keep a batch below 2¹⁴ depths, but no fewer than 2⁸.
+        # As many draws as keep a batch within 2¹⁴ depths, but no fewer than 2⁸.
         batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
     )
 

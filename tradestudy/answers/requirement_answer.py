@@ -81,7 +81,7 @@ class RequirementAnswer:
         by_value, by_ends = abs(margin) <= of_value, self.end_shift <= of_ends
         if self.met or self.value_margin is None or self.unusable == 0.0:
             return by_value or (self.met is True and by_ends)
-        # Where the usable range has a gap, it must close, and the value must meet its bound, or nearly so.
+        # Where the usable range has a gap, the gap must close, and the value must meet its bound, or nearly so.
         return by_ends and (by_value or margin > 0.0)
 
     @property

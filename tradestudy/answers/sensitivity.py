@@ -72,7 +72,7 @@ def sensitivity_of(name: str, camera: DepthCamera, distance: FloatArray, field: 
         absolute_tolerance=0.0,
         relative_tolerance=_ACCURACY,
         budget_draws=_TORNADO_BUDGET,
-        # As many draws as keep a batch below 2¹⁴ depths, but no fewer than 2⁸.
+        # As many draws as keep a batch within 2¹⁴ depths, but no fewer than 2⁸.
         batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
         memory_bytes=2**28,
     )

@@ -148,8 +148,8 @@ class ArrayGeometry:
         """The position where the ray from a point [m] through the centre of the pupil meets the array."""
         slopes = _distortion(errors).image(x, y, np.asarray(z, dtype=np.float64) + self.entrance_pupil)
         distance, fall = self.mla_distance + value_of(errors, "mla_distance"), np.ones(())
-        # The array lies at z₀ + tilt x, and the ray at x = t slope with t = g z − e, so that t (1 − g tilt slope) = g
-        # z₀ − e.
+        # The array lies at z₀ + tilt x, and the ray at x = t slope with t = g z − e, so that
+        # t (1 − g tilt slope) = g z₀ − e.
         for slope, axis in zip(slopes, "xy", strict=True):
             if f"array_tilt_{axis}" in errors:  # a shortcut, as for distortion
                 tilt = value_of(errors, f"array_tilt_{axis}")

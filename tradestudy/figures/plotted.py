@@ -94,7 +94,7 @@ def _scale(axis: Axis, ends: tuple[float, float], shared: Sequence[str]) -> Scal
     """Read an axis; one without a label takes that of an axis that shares its limits, or of the figure."""
     formatter = axis.get_major_formatter()
     label = " ".join((axis.get_label_text() or max(shared, key=len)).split())
-    # The tick of 1 gives the factor and the unit of a formatter that writes any number.
+    # If a formatter writes any number, how it writes 1 shows its factor and unit.
     places, ticks = np.asarray(axis.get_majorticklocs(), dtype=np.float64).tolist(), [(1.0, formatter(1.0))]
     if isinstance(formatter, FixedFormatter):
         ticks = list(zip(places, formatter.seq, strict=False))

@@ -225,7 +225,7 @@ def plain_number(value: float, _position: int | None = None) -> str:
 
 def length_tick(millimetres: float, _position: int | None = None) -> str:
     """Write a tick label for a length in millimetres, in the unit that a person expects: 0.01 is "10 µm"."""
-    # A length that rounding has made a little too small keeps its unit; what is shorter than all takes the last.
+    # A length that rounding has made a little too small keeps its unit; one too short for all takes the smallest.
     size, unit = next(
         (size, unit) for size, unit in _LENGTH_UNITS if abs(millimetres) >= size * (1 - 1e-9) or size == 1e-6
     )

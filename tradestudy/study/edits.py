@@ -52,7 +52,7 @@ def in_si(document: Document, given_as_text: Sequence[tree.Path] = ()) -> Docume
             if varied not in units:
                 units[varied] = _unit_at(document, varied, entry)
             texts[path] = f"{entry.text} {units[varied]}".strip()
-    # A text without a space has no unit to add.
+    # A text without a space was given no unit, so its entry stays as it is.
     return document.with_texts({path: text for path, text in texts.items() if " " in text})
 
 

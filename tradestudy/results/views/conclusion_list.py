@@ -90,7 +90,7 @@ def conclusions(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyTy
     ]
     where = reversing(tree)
     together = rests and first == f"Measure first: {rests[0]}"
-    # Verdicts at the lower bound already say so.
+    # Verdicts that are judged at the lower bound already say so, and need no remark about their camera.
     met = {requirement.camera for requirement in requirements if requirement.at_lower_bound and requirement.met}
     parts: list[tuple[str, str, Sequence[str]]] = [
         ("headline", "", said[:1]),

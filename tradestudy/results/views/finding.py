@@ -60,7 +60,7 @@ def detailed_cameras(tree: xr.DataTree, group_name: str) -> dict[str, str]:
 def short(sentence: str) -> str:
     """The first clauses of a sentence, as many as have at most 20 words together."""
     words = sentence.removesuffix(".")
-    # Clauses after the first go before what a colon introduces.
+    # Later clauses are dropped first, and what a colon introduces only if the first clause is still too long.
     for mark in ("; ", ": "):
         while len(words.split()) > MOST_WORDS and mark in words:
             words = words.rpartition(mark)[0]

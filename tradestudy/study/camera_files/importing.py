@@ -178,7 +178,7 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     CameraFileError
         The files have different formats, or invalid content.
     """
-    formats = [_fitting(file)[0] for file in files]  # each was recognised by the only format that it fits
+    formats = [_fitting(file)[0] for file in files]  # each file fits exactly one, or it would have been refused
     first = formats[0]
     for format_, file in zip(formats, files, strict=True):
         if format_ is not first:

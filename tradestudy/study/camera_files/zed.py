@@ -53,7 +53,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     for key in stereo.names():
         if key.rpartition("_")[2] in _SIZES and key.rpartition("_")[2] != resolution:
             stereo.set_aside(key)
-    # Both sides have the same resolutions, so that those of one side say which are not used.
     rights = {size: value for size in cameras if (value := top.find(f"RIGHT_CAM_{size}")) is not None}
     return rig(
         _camera(left, _SIZES[resolution], request),
@@ -63,6 +62,7 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         where=stereo,
         request=request,
         exchanged="Baseline is negative; correct its sign in the file",
+        # Both sides have the same resolutions, so that one side's remark is enough.
         others=tuple(convention for side in (cameras, rights) for convention in other_cameras(side, (resolution,)))[:1],
     )
 
