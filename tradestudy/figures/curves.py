@@ -49,7 +49,7 @@ def name_ends(axes: Axes, curves: Sequence[NamedCurve]) -> None:
         return
     names = [_lines(curve.name) for curve, _ in ends]
     width, height = panel_size(axes)
-    sizes = np.array([_LINE_HEIGHT * SMALLEST * (1 + name.count("\n")) for name in names]) / height
+    sizes = np.array([_height(name) for name in names]) / height
     levels = np.array([_fraction(axes, "y", end[1]) for _, end in ends])
     # Of curves that leave through the top edge, the one that leaves first gets the highest name.
     levels -= 1e-6 * np.array([_fraction(axes, "x", end[0]) for _, end in ends])
@@ -83,8 +83,12 @@ def names_fit(axes: Axes, names: Sequence[str]) -> bool:
     """Whether `name_ends` can write all these names beside a panel, in full."""
     written = [_lines(name) for name in names]
     _, height = panel_size(axes)
-    needed = sum(_LINE_HEIGHT * SMALLEST * (1 + name.count("\n")) for name in written)
-    return needed <= height and not any(name.endswith("…") for name in written)
+    return sum(map(_height, written)) <= height and not any(name.endswith("…") for name in written)
+
+
+def _height(name: str) -> float:
+    """Height of a written name [points]."""
+    return _LINE_HEIGHT * SMALLEST * (1 + name.count("\n"))
 
 
 def fill(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, is_known: Flags, **look: Any) -> None:
