@@ -16,7 +16,14 @@ from tradestudy.effects import Models
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.models.light_spot import spot_models
-from tradestudy.models.point_spreads import MEASURES, SpreadMethod, base_values, case_of, spread_measures, varied_values
+from tradestudy.models.point_spreads import (
+    MEASURES,
+    SpreadMethod,
+    base_values,
+    lens_and_point,
+    spread_measures,
+    varied_values,
+)
 from tradestudy.models.spot_images import (
     STEP,
     compared_models,
@@ -181,7 +188,7 @@ def _measured(point: _Point) -> Mapping[str, tuple[float, float]]:
     """Every measure with its numerical error."""
     part = point.part
     return spread_measures(
-        case_of(part, point.lens, dict([point.changed])),
+        lens_and_point(part, point.lens, dict([point.changed])),
         method=point.method,
         window=part.window,
         rms_radius=part.rms_radius,
@@ -220,7 +227,7 @@ def point_spread_group(part: PointSpreadPart, steps: Steps, seconds: Seconds, mo
         "point_spread",
         {
             "title": [element.title for element in elements],
-            "airy_radius": [case_of(part, element, {}).airy_radius for element in elements],
+            "airy_radius": [lens_and_point(part, element, {}).airy_radius for element in elements],
             "value": [padded] * len(elements),
             "varied_units": [_UNITS[parameter] for parameter in varied],
             "standing": [[base_values(part, element)[parameter] for parameter in varied] for element in elements],

@@ -202,7 +202,7 @@ def refuse_long_waves(part: FresnelValidityPart) -> None:
 def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
     """All cases of a study, lens by lens, with one parameter varied at a time."""
     return [
-        case_of(part, element, {parameter: value})
+        lens_and_point(part, element, {parameter: value})
         for element in part.elements.values()
         for parameter, values in varied_values(part).items()
         for value in values
@@ -229,7 +229,7 @@ def base_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str, flo
     }
 
 
-def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
+def lens_and_point(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
     """A lens at its base values, with some of them changed."""
     values = {**base_values(part, element), **changed}
     return LensAndPoint(
