@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections.abc import Iterator
@@ -76,10 +77,25 @@ def shown_progress(*, quiet: bool) -> Iterator[Silent | ProgressLine | ProgressB
     if quiet:
         yield Silent()
     elif not sys.stderr.isatty():
-        yield ProgressLine(sys.stderr)
+        with _resumption_told(sys.stderr):
+            yield ProgressLine(sys.stderr)
     else:
         bar = ProgressBar()
         try:
             yield bar
         finally:
             bar.close()
+
+
+@contextmanager
+def _resumption_told(stream: TextIO) -> Iterator[None]:
+    """Print a line for each step that takes finished parts from an interrupted run; a bar shows them by its start."""
+    logger, handler = logging.getLogger("tradestudy.execution"), logging.StreamHandler(stream)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(handler)

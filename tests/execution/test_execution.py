@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
 import os
 import pickle
@@ -29,6 +30,7 @@ from tradestudy.errors import OutOfRangeError, ResultsError, UnaffordableError
 from tradestudy.execution import Checkpoints, DaskCluster, Executor, Processes, Serial, Steps, Threads
 from tradestudy.execution.executor import UnavailableError
 from tradestudy.execution.steps import FOLDER, DeadlyPointError, fingerprint, within_time
+from tradestudy.shown_progress import shown_progress
 
 pytestmark = pytest.mark.usefixtures("empty_figures")
 
@@ -443,6 +445,17 @@ class TestCheckpoints:
         fresh = Checkpoints(tmp_path, fresh=True)
         assert not (tmp_path / FOLDER).exists()
         assert fresh.finished([bytes([1] * 32)]) == {}
+
+    def test_a_log_says_what_a_resumed_run_takes_up(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        all_points = points(tmp_path, 5)
+        for of in (all_points[:3], all_points):  # the first run is stopped after three of five points
+            log = io.StringIO()
+            monkeypatch.setattr(sys, "stderr", log)
+            with contextlib.closing(Checkpoints(tmp_path / "run")) as kept, shown_progress(quiet=False) as progress:
+                steps = Steps(checkpoints=kept, progress=progress)
+                assert_same(steps.map("counting", compute, of, [""] * len(of)), len(of))
+            taken = ["counting: 3 of 5 parts taken from an interrupted run"] if of is all_points else []
+            assert log.getvalue().splitlines() == ["counting …", *taken]
 
     def test_keeping_cheap_points_costs_little(self, tmp_path: Path) -> None:
         log = tmp_path / "log"

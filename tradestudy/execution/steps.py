@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import importlib
 import io
+import logging
 import os
 import pickle
 import platform
@@ -29,6 +30,7 @@ from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.execution.executor import Executor, LostPointError, Point, Raised, Serial, Value, heard_by
 from tradestudy.provenance import code_hash
 
+_LOG: Final = logging.getLogger(__name__)  # tells what is taken from an interrupted run
 FOLDER: Final = ".unfinished"
 _SUFFIX: Final = ".points"
 _MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # starts every record; no text starts with these bytes
@@ -379,6 +381,8 @@ class Steps:
             self.progress(step, furthest)
 
         report()
+        if taken:
+            _LOG.info("%s: %d of %d parts taken from an interrupted run", step, taken, len(points))
         try:
             with (
                 heard_by(report),  # computed in this thread, if at all: one point after another
