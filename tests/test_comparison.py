@@ -391,6 +391,13 @@ def test_cameras_of_other_keys_and_the_same_title_are_told_apart() -> None:
     assert "not compared: Near head (near) (" in notes
 
 
+def test_a_title_that_moves_to_another_camera_is_told_apart() -> None:
+    moved = compared(tree(), tree(cameras={"a": "Middle head", "near": "Near head"}, propagation="exact"))
+    assert "Best camera: Far head → Near head (near)" in " ".join(map(str, moved.conclusions))
+    assert "not compared: Near head (near) (" in " ".join(moved.notes)
+    assert "Near head / Middle head (a): linear calibration → exact calibration" in map(str, moved.models)
+
+
 def test_keys_of_a_scene_are_no_cameras_and_parts_are_shown_whole() -> None:
     surface = "[{'shape': 'plane', 'distance': '0.6 m'}]"
     titled = tree(cameras={"rig": "Stereo 80 mm", "b": "Far head"})

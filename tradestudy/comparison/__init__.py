@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any, Final
@@ -75,13 +74,13 @@ def differing_models(runs: Sequence[Run]) -> Iterator[Difference]:
     if not all(has(run.tree, "effects", "problem_of", "slot", "model", "chosen", "problem_title") for run in runs):
         return
     chosen = [_chosen(run) for run in runs]
-    titles = titles_of(runs) | {
+    titles = {
         str(key): str(title)
         for run in runs
         for key, title in zip(
             *(group(run.tree, "effects")[variable].values for variable in ("problem", "problem_title")), strict=True
         )
-    }
+    } | titles_of(runs)
     for key in chosen[0]:
         if all(key in models for models in chosen) and len({models[key] for models in chosen}) > 1:
             problem, slot = key
@@ -175,11 +174,9 @@ def _notes(runs: Sequence[Run], results: Results) -> Iterator[str]:
         yield f"The runs belong to different studies, {listed(studies)}; only what they share is compared."
     if len({str(run.record.get("code_hash", "")) for run in runs}) > 1:
         yield "Different versions of the program computed the runs, so results can differ even where no input does."
-    shared, titles = set(common_cameras(runs, "cameras")), [titles_of([run]) for run in runs]
-    # A title that belongs to several keys needs its key beside it.
-    keys = Counter(title for title, _ in {(title, key) for of_run in titles for key, title in of_run.items()})
-    for run, of_run in zip(runs, titles, strict=True):
-        alone = [f"{title} ({key})" if keys[title] > 1 else title for key, title in of_run.items() if key not in shared]
+    shared, titles = set(common_cameras(runs, "cameras")), titles_of(runs)
+    for run in runs:
+        alone = [titles[key] for key in titles_of([run]) if key not in shared]
         if alone:
             yield f"Not in every run, so not compared: {'; '.join(alone)} ({run.name})."
     if results.apart:

@@ -94,15 +94,17 @@ def same_or_each(texts: Sequence[str]) -> str:
 def titles_of(runs: Sequence[Run]) -> dict[str, str]:
     """Titles of the cameras of all runs by key; a camera with different titles has all of them.
 
-    Cameras with the same title, as after a change of a key, also have their keys.
+    A camera with a title that another one has, in any run, as after a change of its key, also has its key.
     """
     by_run = [camera_titles(run.tree) if "cameras" in run.tree.children else {} for run in runs]
-    titles = {
-        key: same_or_each([titles[key] for titles in by_run if key in titles])
-        for key in dict.fromkeys(key for titles in by_run for key in titles)
+    of_key: dict[str, list[str]] = {}
+    for key, title in itertools.chain.from_iterable(titles.items() for titles in by_run):
+        of_key.setdefault(key, []).append(title)
+    keys = Counter(title for titles in of_key.values() for title in set(titles))
+    return {
+        key: same_or_each(titles) + f" ({key})" * any(keys[title] > 1 for title in titles)
+        for key, titles in of_key.items()
     }
-    shared = Counter(titles.values())
-    return {key: title if shared[title] == 1 else f"{title} ({key})" for key, title in titles.items()}
 
 
 def common_cameras(runs: Sequence[Run], group: str) -> tuple[str, ...]:
