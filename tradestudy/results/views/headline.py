@@ -42,7 +42,8 @@ from tradestudy.wording import DECLARED_VALUE, counted, few, in_words, listed, p
 _MOST_STRETCHES, _CHANGES = 5, "the best camera changes"
 _HARDLY: Final = 1.1  # times the depth uncertainty on the axis
 _MEASURED: Final = 3  # cameras beside the best that a sentence on pictures names
-_NAMED: Final = 2  # cameras or requirements that a sentence names; of more, it gives the number
+_NAMED: Final = 2  # cameras that a sentence names; of more, it gives the number
+_LISTED: Final = 2  # measured tables or refocusing cameras that get a sentence
 
 
 def headline(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({})) -> str:
@@ -58,13 +59,13 @@ def answers(tree: xr.DataTree, seconds: Mapping[str, float] = MappingProxyType({
     requirements = requirement_conclusions(tree)
     clauses = [_of_sharpness(tree), feasible_words(tree), _of_light(tree, seconds)]
     clauses += [way(tree) for way in (_of_fresnel, hard_case_words, _of_scene, _of_planes)]
-    measured, has_requirements = [table.finding() for table in measured_tables(tree)[:_NAMED]], bool(requirements)
+    measured, has_requirements = [table.finding() for table in measured_tables(tree)[:_LISTED]], bool(requirements)
     clauses += [] if has_requirements else measured
     if not any(clauses):
         words = _of_one_camera_asked(tree, requirements) or _of_cameras(tree, requirements)
         clauses = [words or _of_requirements(requirements) or next(_questions(tree), "")]
     clauses += [deciding_words(tree), *(measured if has_requirements else [])]
-    clauses += list(refocusing_words(tree))[:_NAMED]
+    clauses += list(refocusing_words(tree))[:_LISTED]
     plain = (words.replace("\N{NO-BREAK SPACE}", " ") for words in clauses if words)
     return [f"{words[0].upper()}{words[1:]}." for words in plain]
 
@@ -198,7 +199,7 @@ def _of_cameras(tree: xr.DataTree, requirements: Sequence[RequirementConclusion]
 
 def _meets_alone(must: Sequence[RequirementConclusion]) -> str:
     """The only camera that meets several requirements on any camera; empty where none does or another one may."""
-    if len(must) < _NAMED or any(verdict.of != ANY for verdict in must):
+    if len(must) < 2 or any(verdict.of != ANY for verdict in must):
         return ""
     met = [{verdict.camera: verdict.met} | {other.camera: other.met for other in verdict.others} for verdict in must]
     possible = set.intersection(
@@ -216,7 +217,7 @@ def _missed_words(must: Sequence[RequirementConclusion]) -> str:
     if len(missed) == 1:
         return f"; “{missed[0].says}” {'is not met' if missed[0].met is False else 'cannot be decided'}"
     if len(missed) == len(must):
-        return f"; {'neither requirement' if len(missed) == _NAMED else f'none of the {len(must)} requirements'} is met"
+        return f"; {'neither requirement' if len(missed) == 2 else f'none of the {len(must)} requirements'} is met"
     return f"; {len(missed)} of {len(must)} requirements are not met"
 
 
