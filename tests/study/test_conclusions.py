@@ -337,6 +337,25 @@ def test_where_a_limit_decides_the_answer_rests_on_it() -> None:
     assert measure_first(result.data) == ""
 
 
+def test_an_assumed_focus_that_ends_the_usable_range_is_an_assumption() -> None:
+    """At 0.1 m, f = 2.65 mm at f/2, focused at 1 m, blurs over 1.325 mm · 2.65/997.35 · 0.9/0.1 = 31.7 um: 11 px."""
+    near = {"says": "close", "camera": "stereo-75mm", "usable": {"over": ["0.1 m", "1 m"]}}
+    limits = {"overlap": "1 %", "relative_uncertainty": None, "blur": "1 px"}
+    asked = {"usable_range": limits, "requirements": {"near-and-mid": None, "near": near}}
+    asked |= {"stereo-75mm.depth.disparity_error": "0.1 px", "scene.distances": ["0.3 m", "1 m"]}
+    assumed = ran(asked)
+    (said,) = rests_on(assumed.data, only_assumed=True)
+    assert said == (
+        "the usable range of 75 mm stereo head (out of focus, by its assumed f-number of 2 and focus distance of 1 m)"
+    )
+    assert measure_first(assumed.data) == f"Measure first: {said}"
+    known = {
+        f"stereo-75mm.{key}": {"value": value, "basis": "measured"}
+        for key, value in {"lenses.f_number": 2, "focus_distance": "1 m"}.items()
+    }
+    assert rests_on(ran(asked | known).data) == ("the usable range of 75 mm stereo head (out of focus)",)
+
+
 def test_where_errors_decide_a_whole_range_the_answer_rests_on_their_largest_cause() -> None:
     """Beyond 1.1 m the R5 is too uncertain throughout, so that no share of the range is usable at all."""
     far = {"says": "far", "camera": "raytrix-r5", "usable": {"over": ["2 m", "4 m"]}}

@@ -20,7 +20,7 @@ from tradestudy.errors import TradestudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import at_bound
 from tradestudy.results import padded_attributes
-from tradestudy.study.bases import NamedInput, uncertain_input
+from tradestudy.study.bases import NamedInput, assumed_blur, uncertain_input
 from tradestudy.study.prepared import Case, PreparedStudy
 from tradestudy.study.schema.requirements import (
     BoundOverPart,
@@ -162,17 +162,18 @@ def _rests_on(study: PreparedStudy, deciding: Sequence[RequirementAnswer]) -> di
     """The limit that decides or, if errors do, the largest cause of the camera's uncertainty at the worst distance."""
     inputs, shares = [], []
     for requirement, answer in zip(study.file.requirements.values(), deciding, strict=True):
-        cause, limit = None, ""
+        cause, named = None, NamedInput()
         if answer.limit:
             which = "sharp" if requirement.quantity == "depth_of_field" else "usable"
-            limit = f"the {which} range of {study.file.cameras[answer.camera].title} ({limit_words(answer.limit)})"
+            assumed = assumed_blur(study, answer.camera) if answer.limit.partition(", ")[0] == "focus" else ""
+            why = limit_words(answer.limit) + f", by its {assumed}" * bool(assumed)
+            words = f"the {which} range of {study.file.cameras[answer.camera].title} ({why})"
+            named = NamedInput(words=words, basis="assumed" if assumed else "")
         # Errors decide where their limit ends the usable range, or where no limit does and the value depends on them.
         uncertain = requirement.quantity in _OF_ERRORS and answer.value > 0.0
         if math.isfinite(answer.place) and (answer.limit in _OF_ERRORS or (uncertain and not answer.limit)):
             cause = largest_cause(study.case.cameras[answer.camera], np.array([answer.place]), answer.field)
-        inputs.append(
-            NamedInput(words=limit) if cause is None else uncertain_input(study, answer.camera, cause.parameter)
-        )
+        inputs.append(named if cause is None else uncertain_input(study, answer.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)
     return {
         "rests_on": [entry.words for entry in inputs],

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.imaging.models import AT_BOUND
 from tradestudy.imaging.picture import PictureDisparityError
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
 from tradestudy.study.prepared import PreparedStudy
-from tradestudy.wording import with_article
+from tradestudy.wording import listed, with_article
 
+_OF_BLUR: Final = ("f_number", "entrance_pupil_diameter", "focus_distance")  # and all of the part `focus`
+_ASSUMED: Final = "assumed"
 Path = tuple[str | int, ...]
 
 
@@ -45,7 +49,7 @@ def uncertain_input(study: PreparedStudy, camera: str, parameter: str) -> NamedI
             return NamedInput(words=f"matching noise of {title}, derived from the picture{matcher}", basis="derived")
         if not isinstance(declared, ScalarEntry):
             default = next(text for where, text in part.assumed() if where == ("depth", "disparity_error"))
-            return NamedInput(words=f"matching noise of {title}, assumed {default}", basis="assumed")
+            return NamedInput(words=f"matching noise of {title}, assumed {default}", basis=_ASSUMED)
         return declared_input(study, f"matching noise of {title}", path)
     name = parameter.replace("_", " ")
     for path in (
@@ -67,6 +71,27 @@ def _spread(path: Path, entry: Entry) -> Path | None:
             if isinstance(member.entry, ScalarEntry) and member.entry.value is not None:
                 return (*path, key)
     return None
+
+
+def assumed_blur(study: PreparedStudy, camera: str) -> str:
+    """The assumed inputs of a camera's blur, such as "assumed f-number of 2 and focus distance of 1 m"; or empty."""
+    values = [
+        f"{path[-1].replace('f_number', 'f-number').replace('_', ' ')} of {text}"
+        for path, text in _assumed_of_blur(study, camera)
+    ]
+    return f"{_ASSUMED} {listed(values)}" if values else ""
+
+
+def _assumed_of_blur(study: PreparedStudy, camera: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    inside = ("cameras", camera)
+    declared = [
+        (tuple(map(str, path[len(inside) :])), study.document.text_of(path))
+        for path, note in study.document.annotations.items()
+        if path[: len(inside)] == inside and note.basis == _ASSUMED
+    ]
+    for path, text in (*declared, *study.file.cameras[camera].assumed()):
+        if path[-1] in _OF_BLUR or path[0] == "focus":
+            yield path, text
 
 
 def declared_input(study: PreparedStudy, name: str, path: Path) -> NamedInput:

@@ -180,7 +180,7 @@ def _ranges(applied: Collection[str]) -> Iterator[Block]:
         ),
         "focus": say(
             "**Focus**: the geometric blur on the sensor, in the least sharp picture that the estimator needs, is at "
-            "most the declared one."
+            "most the declared one; diffraction does not count."
         ),
         "last_disparity_step": say(
             "**Last disparity step**: the disparity still differs by more than one step from that of a point at "

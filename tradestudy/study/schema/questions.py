@@ -146,8 +146,9 @@ class UsableRangePart(Part):
     blur: PositivePixels | None = Field(
         default=None,
         description="Largest diameter of the geometric blur, in pixels; for an unfocused plenoptic camera, 1 px here "
-        "means one microlens. With several types of microlenses, this limit applies to the least sharp type that the "
-        "estimator needs. A derived disparity error already contains defocus and needs no such limit.",
+        "means one microlens. Diffraction does not count, as it does in `depth_of_field`. With several types of "
+        "microlenses, this limit applies to the least sharp type that the estimator needs. A derived disparity error "
+        "already contains defocus and needs no such limit.",
     )
     disparity_step: PositivePixels | None = Field(
         default=None,
