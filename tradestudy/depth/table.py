@@ -213,10 +213,10 @@ def narrow_features(camera: DepthCamera) -> tuple[float, ...]:
 
     Such are the places where the image lies on the microlenses, or a lens type or an estimator switches. The change of
     depth per disparity (`DepthCamera.depth_discrimination` towards the camera), a closed form, shows them on a dense
-    grid.
+    grid. Without microlenses that blur the matched picture, there are none.
     """
     judged = camera.propagation.judged
-    if not judged or not judged[0] < judged[-1]:
+    if not camera.pictured_by_microlenses or not judged or not judged[0] < judged[-1]:
         return ()
     count = 1 + _DENSER * math.ceil(NODES_PER_FACTOR * math.log(judged[-1] / judged[0]))
     dense = np.geomspace(judged[0], judged[-1], count)
