@@ -346,7 +346,7 @@ SLOW = [  # the main image and the pixels are as far from the array as for f/3.8
 
 
 def test_check_plan_and_run_refuse_microlenses_that_follow_the_source_in_the_same_words() -> None:
-    """Whole pictures differ by 2.0 %, the light of a few points by 0.7 %, exact rays by 2.5 %."""
+    """Whole pictures differ by 2.0 %, the light of a few points by 1.2 %, exact rays by 2.5 %."""
     study = tradestudy.load(STUDY, PERFECT)
     said = set()
     for asked in (study.check, study.plan, study.run):
@@ -377,7 +377,7 @@ def test_slow_microlenses_may_follow_the_source(tmp_path: Path) -> None:
     assert float(pictures["numerical_error"].sel(propagator="kirchhoff")) <= 0.01
 
 
-@pytest.mark.parametrize("number", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (9, 22)), 12, 13, 30])
+@pytest.mark.parametrize("number", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (9, 22)), 12, 13, 30, 39])
 def test_points_or_rays_find_how_far_the_phase_of_microlenses_follows_the_source(number: int) -> None:
     """Against whole pictures by Kirchhoff's integral: the larger of both estimates is at most slightly too small."""
     part = (random_part if number % 2 else large_part)(np.random.default_rng([1, number]))

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import scipy.fft
@@ -60,6 +60,7 @@ _OUT: Final = 0.6  # where the probes lie between the middle of a lit part and i
 # Pixels of a microlens and its neighbours: on one light path, three quarters of its light miss its own pixels, and
 # Fresnel's law changes that light most.
 _SENT_TO: Final = 9
+_Seen = Literal["alone", "pair", "around"]  # the microlenses of a probe whose light is followed
 _LEAST_LIT: Final = 0.05  # microlenses lit by a smaller part of the disc than this share of the largest are left out
 
 
@@ -73,6 +74,8 @@ class Probe:
         The microlens, with its pixels and those of its neighbours, which its light may meet, divided into parts.
     pair
         The microlens and its nearest neighbour, with the pixels that belong to them, divided into parts.
+    around
+        The microlens and its neighbours, with their pixels, divided into parts.
     points
         Three source points around the middle of the part of the disc that lights the microlens; otherwise the source.
     coherent_radius
@@ -81,6 +84,7 @@ class Probe:
 
     alone: LightPath
     pair: LightPath
+    around: LightPath
     points: tuple[PointSource, ...]
     coherent_radius: float
 
@@ -131,13 +135,14 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
     for index, points in places.items():
         distances = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
         nearest = [int(neighbour) for neighbour in np.argsort(distances, kind="stable")[:_SENT_TO]]
-        around = microlenses_alone(path, nearest, owner)
-        alone = _in_parts(replace(around, microlenses=path.microlenses.only(index)))
+        around = _in_parts(microlenses_alone(path, nearest, owner))
+        alone = replace(around, microlenses=path.microlenses.only(index))
         pair = _in_parts(microlenses_alone(path, nearest[:2], owner))
         located.append(
             Probe(
                 alone=alone,
                 pair=pair,
+                around=around,
                 points=tuple(PointSource(x=x, y=y, distance=middle.distance) for x, y in points),
                 coherent_radius=radius if coherent else 0.0,
             )
@@ -216,10 +221,10 @@ def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
     refuse_large_picture(part, models)
     if not phase_follows_source(path, source, laws):
         return
-    refuse_change_by_phase(path, light_trial(part).change_by_fixed_phase(models), models.tolerance)
+    change = light_trial(part).change_by_fixed_phase(models)
     if not part.spot.coherent:
-        change = _change_of_rays(without_comparison(part), models.tolerance, as_point=models.point)
-        refuse_change_by_phase(path, change, models.tolerance)
+        change = max(change, _change_of_rays(without_comparison(part), models.tolerance, as_point=models.point))
+    refuse_change_by_phase(path, change, models.tolerance)
 
 
 @lru_cache(maxsize=8)
@@ -241,7 +246,7 @@ class LightTrial:
     def __init__(self, part: LightSpotPart) -> None:
         self._part = part
         self._spots: dict[tuple[str, bool], Spot] = {}
-        self._images: dict[tuple[tuple[int, int], bool, SpotModels, float], FloatArray] = {}
+        self._images: dict[tuple[tuple[int, int], _Seen, SpotModels, float], FloatArray] = {}
 
     @cached_property
     def _probes(self) -> tuple[Probe, ...]:
@@ -265,21 +270,23 @@ class LightTrial:
         place = divmod(number, len(self._probes[0].points))
         try:
             radius = self._spread(place[0], complete)
-            ours, whole = (self._pixels(place, chosen, radius, pair=models.separate) for chosen in (models, complete))
+            seen: _Seen = "pair" if models.separate else "alone"
+            ours, whole = (self._pixels(place, chosen, radius, seen) for chosen in (models, complete))
         except TradestudyError:
             return math.inf, 1.0
         return float(np.sum((ours - whole) ** 2)), float(np.sum(whole**2))
 
     def change_by_fixed_phase(self, models: SpotModels) -> float:
-        """Relative L2 change of the points' pixels if the phase of the microlenses is fixed."""
+        """Relative L2 change of the points' pixels if the phase of the microlenses is fixed.
+
+        Neighbours take part: a fixed phase shifts their oblique light most, which interferes with that of the probe.
+        """
         lenses = self._part.microlenses.model_copy(update={"lens_phase": "parabolic"})
         fixed = light_trial(self._part.model_copy(update={"microlenses": lenses}))
         radii = [self._spread(index, models) for index in range(len(self._probes))]
         places = [(index, number) for index, probe in enumerate(self._probes) for number in range(len(probe.points))]
         following, parabolic = (
-            np.concatenate(
-                [trial._pixels(place, models, radii[place[0]], pair=models.separate).ravel() for place in places]
-            )
+            np.concatenate([trial._pixels(place, models, radii[place[0]], "around").ravel() for place in places])
             for trial in (self, fixed)
         )
         return relative_change(following, parabolic)
@@ -326,7 +333,7 @@ class LightTrial:
         count = len(self._probes[index].points)
         if count == 1:
             return 0.0
-        images = [self._light((index, number), models, pair=False) for number in range(count)]
+        images = [self._light((index, number), models, "alone") for number in range(count)]
         if min(float(image.sum()) for image in images) <= 0.0:
             return 0.0
         first, second, third = (_centre_of_light(image) for image in images)
@@ -334,18 +341,18 @@ class LightTrial:
         inscribed = 3.0 * math.sqrt(3.0) / 4.0 * _OUT**2  # the triangle of the points, for a circle of radius 1
         return math.sqrt(abs(a * d - b * c) / 2.0 / inscribed)
 
-    def _pixels(self, place: tuple[int, int], models: SpotModels, radius: float, *, pair: bool) -> FloatArray:
+    def _pixels(self, place: tuple[int, int], models: SpotModels, radius: float, seen: _Seen) -> FloatArray:
         """Pixels of one point of one probe, whose light a disc of a radius spreads."""
-        light = _spread_out(self._light(place, models, pair=pair), radius, point=models.point)
+        light = _spread_out(self._light(place, models, seen), radius, point=models.point)
         return _on_pixels(light, integrated=models.integrated)
 
-    def _light(self, place: tuple[int, int], models: SpotModels, *, pair: bool) -> FloatArray:
+    def _light(self, place: tuple[int, int], models: SpotModels, seen: _Seen) -> FloatArray:
         """Light of one point of one probe on parts of pixels."""
         mean = models.monochromatic or models.method in RAYS
         lines = [(self._part.mean_wavelength, 1.0)] if mean else _lines(self._part)
-        return np.asarray(sum(share * self._image(place, models, line, pair=pair) for line, share in lines))
+        return np.asarray(sum(share * self._image(place, models, line, seen) for line, share in lines))
 
-    def _image(self, place: tuple[int, int], models: SpotModels, wavelength: float, *, pair: bool) -> FloatArray:
+    def _image(self, place: tuple[int, int], models: SpotModels, wavelength: float, seen: _Seen) -> FloatArray:
         probe = self._probes[place[0]]
         plain = replace(
             models,
@@ -354,9 +361,9 @@ class LightTrial:
             monochromatic=False,
             point=models.point or probe.coherent_radius == 0.0,
         )
-        key = place, pair, plain, wavelength
+        key = place, seen, plain, wavelength
         if key not in self._images:
-            path = probe.pair if pair else probe.alone
+            path: LightPath = getattr(probe, seen)
             self._images[key] = _point_image(path, probe.points[place[1]], probe.coherent_radius, plain, wavelength)
         return self._images[key]
 
