@@ -307,6 +307,16 @@ def test_a_plan_counts_the_designs_of_every_camera_that_a_sweep_changes(
     assert counted == dict.fromkeys(prepared.case.cameras, 1) | designs
 
 
+def test_a_plan_counts_as_many_designs_as_a_run_computes() -> None:
+    """Neither a bound of a requirement nor a title changes depth."""
+    swept = "stereo.baseline: [50 mm], requirements.far.depth_uncertainty.below_relative: [8 %], raytrix-r5.title: [a]"
+    overrides = ["scene.distances.points=12", "raytrix-r5.calibration=null", "stereo.calibration=null"]
+    study = tradestudy.load(STUDIES / "stereo_design.yaml", [f"sweep={{{swept}}}", *overrides])
+    counted = {work.problem: int(work.amount.split()[0]) for work in study.plan().work if work.step == "depth"}
+    assert counted == {"raytrix-r5": 1, "stereo": 2 * 10}  # two baselines, and ten focal lengths of the study itself
+    assert study.run().run_record["points"]["depth"]["computed"] == sum(counted.values())
+
+
 def test_a_plan_names_the_memory_of_a_large_sweep() -> None:
     sweep = "sweep={stereo.baseline: {from: 10 mm, to: 200 mm, points: POINTS, spacing: log}}"
     certain = ["raytrix-r5.calibration=null", "stereo.calibration=null", "requirements=null", "decision=null"]

@@ -14,7 +14,7 @@ from tradestudy.effects import OFF, Models
 from tradestudy.imaging.picture import kirchhoff_lattice
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.study.schema.wave_optics import LightSpotPart
-from tradestudy.study.varying import axes_of_camera, calibrations_to_infer
+from tradestudy.study.varying import calibrations_to_infer, sweep_axes
 from tradestudy.wording import counted
 
 # On one core of a laptop; good to a factor of about five, which suffices to tell seconds from minutes and hours.
@@ -95,12 +95,11 @@ def _depth(study: PreparedStudy) -> Iterator[Work]:
     if lattice := kirchhoff_lattice(case.cameras.values(), case.distance):
         amount = f"Kirchhoff diffraction at {counted(len(lattice), 'value')} of defocus"
         yield _work("pictures", "Kirchhoff diffraction at a defocus", len(lattice), amount)
-    places = len(CORNERS) * len(file.propagation.field_places)
+    places, designs = len(CORNERS) * len(file.propagation.field_places), _designs(study)
     for camera_name, camera in case.cameras.items():
         exact = "exact" if camera.propagation.model == "exact" else "linear"
-        designs = math.prod(len(axis.values) for axis in axes_of_camera(study, camera_name))
         for step, count, noun in (
-            ("depth", designs, "design"),
+            ("depth", designs[camera_name], "design"),
             ("depth off the axis", places, "place"),
         ):
             if count:
@@ -112,6 +111,25 @@ def _depth(study: PreparedStudy) -> Iterator[Work]:
         count = len(case.cameras) * len(fields)
         amount = f"{counted(len(case.cameras), 'camera')} at {counted(len(fields), 'field position')}"
         yield _work("sensitivity", "sensitivity of a camera", count, amount)
+
+
+def _designs(study: PreparedStudy) -> dict[str, int]:
+    """For each camera, how many designs of the sweep need a table of depth of their own.
+
+    An axis counts if its ends differ in the camera, its calibration to infer, or its limits.
+    """
+    axes, counts = sweep_axes(study), dict.fromkeys(study.case.cameras, 1)
+    first = {axis.path: axis.values[0] for axis in axes}
+    low = study.with_values(first)
+    for axis in axes:
+        high = study.with_values({**first, axis.path: axis.values[-1]})
+        for camera_name in counts:
+            of_ends = (
+                (end.case.cameras[camera_name], end.definition.posterior_keys.get(camera_name), end.case.criteria)
+                for end in (low, high)
+            )
+            counts[camera_name] *= len(axis.values) if len(set(of_ends)) > 1 else 1
+    return counts
 
 
 def _answers(study: PreparedStudy) -> Iterator[Work]:
