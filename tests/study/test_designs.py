@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import tradestudy
 from tradestudy.results.views.designs import (
     common_ranges,
     design_details,
@@ -15,6 +16,7 @@ from tradestudy.results.views.designs import (
     feasible_designs,
     feasible_words,
 )
+from tradestudy.results.views.terminal import terminal_lines
 
 CAMERAS = {"rig": "Rig", "r5": "R5"}
 BASELINES, FOCI = np.array([0.05, 0.1, 0.2]), np.array([0.004, 0.008])
@@ -140,6 +142,42 @@ def test_a_design_without_a_margin_is_never_nearest() -> None:
     found = feasible_designs(tree(0, margins))
     assert found is not None
     assert found.best.margin == pytest.approx(-0.2)
+
+
+def test_a_usable_design_is_closer_than_one_whose_value_is_better_where_it_is_not_usable() -> None:
+    """Lenses at f/2, focused at 0.3 m, blur a point at 0.35 m over f/2 · f/(0.3 m − f)/7: 1.3 and 5.2 px."""
+    rig = {
+        "kind": "stereo",
+        "lenses": {"focal_length": "8 mm", "f_number": 2},
+        "focus_distance": "0.3 m",
+        "principal_distance": "focused",
+        "sensor": {"pixels": [1280, 960], "pixel_pitch": "3 um"},
+        "baseline": "60 mm",
+        "depth": {"disparity_error": "0.1 px"},
+    }
+    study = {
+        "format": 2,
+        "study": "closest",
+        "title": "Closest",
+        "question": "Which lens?",
+        "cameras": {"rig": rig},
+        "scene": {"distances": {"from": "0.2 m", "to": "4 m", "points": 9}, "wavelength": "550 nm"},
+        "usable_range": {"blur": "1.5 px"},
+        "sweep": {"rig.lenses.focal_length": ["4 mm", "8 mm"]},
+        "requirements": {
+            "fine": {
+                "says": "fine",
+                "camera": "rig",
+                "depth_uncertainty": {"below": "10 um", "over": ["0.3 m", "0.35 m"]},
+            }
+        },
+    }
+    result = tradestudy.Study.from_dict(study).run()
+    data = result.data["requirements"].to_dataset()
+    assert (data["design_margin_percent"].values[0] < data["design_margin_percent"].values[1]).all()
+    lines = list(terminal_lines(result.data))
+    assert any("focal length 4 mm comes closest" in line for line in lines)
+    assert any(line.startswith("The closest design misses “fine” (worst ") for line in lines)
 
 
 def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged() -> None:

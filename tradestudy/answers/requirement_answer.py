@@ -85,6 +85,16 @@ class RequirementAnswer:
         return by_ends and (by_value or margin > 0.0)
 
     @property
+    def closeness(self) -> float:
+        """How nearly it is met: the margin or, if the camera is not usable everywhere, minus what both fall short by.
+
+        These are the shares by which value and usable range fall short; it is less by one more if nothing is usable.
+        """
+        if self.value_margin is None or not self.unusable > 0.0:
+            return self.margin
+        return min(self.value_margin, 0.0) - self.unusable - float(self.unusable >= 1.0)
+
+    @property
     def margin_in_errors(self) -> float:
         """Distance of the worst value from its bound in standard errors, negative if it misses; NaN without errors."""
         if not self.error > 0.0 or self.unusable > 0.0 or not math.isfinite(self.value):

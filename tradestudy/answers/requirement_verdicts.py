@@ -111,6 +111,7 @@ def requirements_group(
             "design_met": shaped([[_verdict(answer) for answer in row] for row in table]),
             "design_camera": shaped([[answer.camera for answer in row] for row in table]),
             "design_margin_percent": shaped([[100.0 * answer.margin for answer in row] for row in table]),
+            "design_closeness": shaped([[answer.closeness for answer in row] for row in table]),
             "design_margin_sigma": shaped([[answer.margin_in_errors for answer in row] for row in table]),
             "design_within_tolerance": shaped([_near_its_bound(study, row) for row in answers]),
             "design_reason": shaped([[answer.reason for answer in row] for row in table]),

@@ -217,7 +217,7 @@ class Judge:
             return silent[0], answers
         deciding = min if requirement.camera == ALL else max
         above = isinstance(requirement.required, ShareAbovePart)
-        return deciding(decided, key=lambda answer: _closeness(answer, above=above)), answers
+        return deciding(decided, key=lambda answer: _rank(answer, above=above)), answers
 
     def _answer_of(self, requirement: RequirementPart, case: Case, camera_name: str) -> RequirementAnswer:
         key = _key(requirement, case, camera_name)
@@ -282,13 +282,11 @@ def _distinguished(bound: float, value: float, dimension: Dimension) -> str:
     return pretty(value, dimension, fewest_digits(lambda digits: pretty(value, dimension, digits) != limit))
 
 
-def _closeness(answer: RequirementAnswer, *, above: bool) -> tuple[bool, bool, float, float]:
-    """Sort key, larger for better: usable anywhere; the margin, or what value and usable range miss; then the value."""
+def _rank(answer: RequirementAnswer, *, above: bool) -> tuple[bool, float, float]:
+    """Sort key, larger for better: whether it is met; how nearly; then the value."""
     value = -math.inf if math.isnan(answer.value) else answer.value if above else -answer.value
-    margin = answer.margin
-    if answer.unusable > 0.0 and answer.value_margin is not None:  # the shares by which value and range fall short
-        margin = min(answer.value_margin, 0.0) - answer.unusable
-    return bool(answer.met), not answer.unusable >= 1.0, -math.inf if math.isnan(margin) else margin, value
+    closeness = answer.closeness
+    return bool(answer.met), -math.inf if math.isnan(closeness) else closeness, value
 
 
 def _check_use(required: UsablePart, intervals: Sequence[Interval], case: Case, camera_name: str) -> RequirementAnswer:

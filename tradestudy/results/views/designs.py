@@ -72,7 +72,7 @@ class Feasible:
     count, designs
         Number of feasible designs, and of all designs.
     best
-        The feasible design whose smallest margin is largest; if none is feasible, the one among all designs.
+        The feasible design whose smallest margin is largest; if none is feasible, the one that comes closest.
     misses
         The requirements that this design misses, in the words of the study, and its worst values; worst missed first.
     region
@@ -163,10 +163,10 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     must = must_hold(data)
     axes = [str(dim) for dim in data["design_met"].dims if dim != "requirement"]
     met = data["design_met"].transpose(*axes, "requirement").values[..., must] == 1
-    margins = np.nan_to_num(
-        data["design_margin_percent"].transpose(*axes, "requirement").values[..., must], nan=-np.inf
-    )
-    feasible, least = np.all(met, axis=-1), np.min(margins, axis=-1)
+    margins = _of_required(data, "design_margin_percent", axes, must)
+    # Results of earlier versions lack it.
+    closeness = _of_required(data, "design_closeness", axes, must) if "design_closeness" in data else margins
+    feasible, least = np.all(met, axis=-1), np.min(closeness, axis=-1)
     # Feasible designs come first: a guard band can make a design fail although its margin is positive.
     rating = np.where(feasible, least, np.where(feasible.any(), -np.inf, least))
     best = np.unravel_index(int(np.argmax(rating)), least.shape)
@@ -176,7 +176,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         _best_value_words(data[axis], int(k), least[(*best[:place], slice(None), *best[place + 1 :])])
         for place, (axis, k) in enumerate(zip(axes, best, strict=True))
     ]
-    worst_first = [int(k) for k in np.argsort(margins[best], kind="stable") if not met[best][k]]
+    worst_first = [int(k) for k in np.argsort(closeness[best], kind="stable") if not met[best][k]]
     reasons = data["design_reason"].transpose(*axes, "requirement").values[best][must]
     return Feasible(
         count=int(feasible.sum()),
@@ -187,7 +187,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
                 for axis, value in values.items()
             },
             words=design_words(tree, dict(zip(axes, words, strict=True))),
-            margin=float(least[best]) / 100.0,
+            margin=float(margins[best].min()) / 100.0,
         ),
         misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
         region=_region_words(tree, data, axes, feasible),
@@ -197,6 +197,12 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         fills_region=_fills_region(feasible),
         missed=_missed(data["says"].values[must], met),
     )
+
+
+def _of_required(data: xr.Dataset, name: str, axes: list[str], must: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """A number of each design and each requirement that must hold; -inf where it is unknown."""
+    values = data[name].transpose(*axes, "requirement").values[..., must]
+    return np.nan_to_num(np.asarray(values, dtype=np.float64), nan=-np.inf, posinf=np.inf)
 
 
 def _best_value_words(axis: xr.DataArray, number: int, margins: npt.NDArray[np.float64]) -> str:

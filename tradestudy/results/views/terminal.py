@@ -45,9 +45,13 @@ def terminal_lines(
     """
     stated = conclusions(tree, seconds)
     said = [str(conclusion) for conclusion in stated if conclusion.kind == "headline"]
-    # For one swept parameter and one requirement, the sentence of the requirement already says which design.
+    # For one swept parameter and one requirement, the sentence of the requirement already says which designs meet it.
     feasible, judged = feasible_designs(tree), requirement_conclusions(tree)
-    told = ["designs"] if feasible and feasible.required == 1 and judged[0].met_ranges is not None else []
+    told = (
+        ["designs"]
+        if feasible and feasible.count and feasible.required == 1 and judged[0].met_ranges is not None
+        else []
+    )
     answering = [
         conclusion
         for conclusion in stated
