@@ -62,6 +62,17 @@ def test_errors_that_are_not_normal_are_left_to_draws(tmp_path: Path) -> None:
     assert ONE_SIGMA in rig.propagation.coverages
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_camera_without_errors_reads_the_truth(tmp_path: Path, kind: str) -> None:
+    camera = base_study(kind, tmp_path).with_values({"cameras.one.calibration": None}).case.cameras["one"]
+    distance = np.array([0.5, 1.0])
+    found = second_order(camera, distance, 0.0, "calibration")
+    assert found is not None
+    np.testing.assert_allclose(found.expected.quantile, np.broadcast_to(distance, (5, 2)), rtol=1e-12)
+    for zero in (found.expected.error_radius, found.expected.failed_fraction, found.uncertain):
+        assert zero.tolist() == [0.0, 0.0]
+
+
 def test_a_width_without_a_far_end_is_certain(tmp_path: Path) -> None:
     """Where depth has no far end along the steepest direction nor beside it, second order leaves nothing open."""
     values = {"cameras.one.calibration.errors.yaw.standard_deviation": "2 deg"}

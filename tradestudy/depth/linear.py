@@ -274,16 +274,17 @@ def second_order(
     if not all(_is_normal(group) or (any_shape and not isinstance(group, JointDraws)) for group in groups):
         return None
     sources = Sources(groups=groups)
-    count = sources.dimensions
+    count = max(1, sources.dimensions)  # without any errors, one direction without effect
 
     def read(scores: FloatArray) -> FloatArray:
         # The steepest direction depends on the distance, so every distance has errors of its own.
         at_distances = np.broadcast_to(scores, (count, scores.shape[1], distance.size))
-        drawn = sources.draw(at_distances.reshape(count, -1))
+        drawn = sources.draw(at_distances.reshape(count, -1)[: sources.dimensions])
         values = {name: errors.reshape(at_distances.shape[1:]) for name, errors in drawn.items()}
-        return read_draws(
+        inverse = read_draws(
             camera, {**fixed_errors(camera, error_source), **values}, distance, field, camera.noise(distance, field)
         )
+        return np.broadcast_to(inverse, at_distances.shape[1:])
 
     axes = np.eye(count)[:, :, np.newaxis]
     above, below = _read_together(read, _SECOND_STEP * axes, -_SECOND_STEP * axes)
@@ -316,7 +317,7 @@ def second_order(
     # Neglected higher orders are taken to change a width by at most a share of what these two shifts do.
     without = [with_quantiles(inverse).half_widths(ONE_SIGMA)[0] for inverse in (along + moved, along + spread)]
     with np.errstate(invalid="ignore", divide="ignore"):
-        changes = [np.where(np.isinf(width) & np.isinf(other), 0.0, np.abs(np.log(width / other))) for other in without]
+        changes = [np.where(width == other, 0.0, np.abs(np.log(width / other))) for other in without]
     uncertain = _UNCERTAIN * np.sum(changes, axis=0)
     return SecondOrder(expected=expected, uncertain=np.nan_to_num(uncertain, nan=np.inf, posinf=np.inf))
 
@@ -369,8 +370,11 @@ def _quantiles(
     variance = slopes + 0.5 * np.sum(curvature[median] ** 2, axis=0) + np.sum(mixed**2, axis=0)
     # The slopes d are proportional to u, so the derivative of Σ d² is 2 Σ d² / u, and 0 at the median.
     growth = np.divide(2.0 * slopes, scores, out=np.zeros_like(slopes), where=np.abs(scores) > _MEDIAN)
+    spread = scores * variance - growth
     with np.errstate(invalid="ignore", divide="ignore"):
-        return along, 0.5 * np.sum(curvature, axis=1), (scores * variance - growth) / (2.0 * length)
+        # Where no error changes depth, there is nothing to spread and no direction either.
+        spread = np.divide(spread, 2.0 * length, out=np.zeros_like(spread), where=spread != 0.0)
+    return along, 0.5 * np.sum(curvature, axis=1), spread
 
 
 def _between(camera: DepthCamera, inverse: FloatArray, scores: FloatArray) -> FloatArray:
