@@ -35,6 +35,7 @@ def shares():
     return run_trials(stereo_trial().by_laplace, 200, 0)
 
 
+@pytest.mark.slow
 def test_depth_intervals_cover(shares):
     depths = shares[:, : len(DISTANCES)]
     verdict = coverage_verdict((depths > 0.025) & (depths < 0.975))
@@ -42,12 +43,14 @@ def test_depth_intervals_cover(shares):
     assert verdict.passed, verdict
 
 
+@pytest.mark.slow
 def test_truths_rank_uniformly(shares):
     verdict = rank_verdict(shares, bins=10)
     assert verdict.counts.shape == (len(DISTANCES) + 18, 10)
     assert verdict.passed, verdict.adjusted_p_values
 
 
+@pytest.mark.slow
 def test_overconfident_intervals_are_caught(shares):
     """The same truths ranked in draws of half the width must fail both tests."""
     from scipy.special import ndtr, ndtri

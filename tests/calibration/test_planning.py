@@ -20,6 +20,7 @@ from tradestudy.answers.calibration import infer_calibrations
 from tradestudy.answers.questions import questions_group, solve
 from tradestudy.answers.required_values import solve_requirement
 from tradestudy.answers.solutions import planned
+from tradestudy.calibration import sampling
 from tradestudy.calibration.camera_target import (
     TargetProblem,
     TargetToInfer,
@@ -42,7 +43,7 @@ from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.units import FRACTION, pretty
 
-REFITS = 400
+REFITS = 200
 DESIGN = np.array([460.0, 460.0, 319.5, 179.5])  # fx, fy, cx, cy [px]
 RIG = """
 format: 2
@@ -105,7 +106,7 @@ def test_expected_deviations_are_those_of_refits_and_those_stated(views: int, st
     for _ in range(REFITS):
         noisy = replace(problem, observed=observe_target(target, pinhole, DESIGN, rng))
         fits.append(fit_target(noisy).laplace.mean)
-    # 400 refits give a standard deviation to 3.5 %
+    # 200 refits give a standard deviation to 5 %
     np.testing.assert_allclose(np.std(fits, axis=0, ddof=1) / expected, 1.0, atol=0.1)
 
 
@@ -142,6 +143,7 @@ def inferred_width(study: PreparedStudy) -> float:
     return float(distribution(known.case.cameras["rig"], np.array([1.0]), "calibration").half_widths(ONE_SIGMA)[0, 0])
 
 
+@pytest.mark.slow
 def test_the_number_of_views_for_a_certainty_is_that_of_an_inferred_calibration(tmp_path: Path) -> None:
     """The number is planned; posteriors of one board shown to three rigs are sampled, and vary by 9 % between rigs."""
     study = loaded(tmp_path, more={"solve": {"views": {**VIEWS, "camera": "rig", "uncertainty": "0.6 mm"}}})
@@ -277,10 +279,13 @@ def test_views_are_either_spread_or_given(tmp_path: Path, views: str, key: str) 
         loaded(tmp_path, views)
 
 
-def test_a_calibration_that_only_a_design_leaves_unconverged_is_reported(tmp_path: Path) -> None:
+def test_a_calibration_that_only_a_design_leaves_unconverged_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sampling, "MINIMUM_LENGTHS", 15.0)  # shorter chains will do for the sentence
     steps = "rig.calibration.target.max_steps"
     fifth = {"rig.calibration.errors.pitch.standard_deviation": "0.2 deg"}  # chains of five parameters soon converge
-    result = loaded(tmp_path, more={**fifth, steps: 4000, "sweep": {steps: [100]}}).run()
+    result = loaded(tmp_path, more={**fifth, steps: 300, "sweep": {steps: [100]}}).run()
     assert result.data["calibration"]["posterior_converged"].values.tolist() == [True]
     (unmet,) = result.unmet_requirements
     assert unmet.startswith("calibrations did not converge for Rig under 1 of 1 other sets of values (")

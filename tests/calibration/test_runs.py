@@ -109,9 +109,9 @@ def test_the_posterior_in_the_results_is_the_one_in_the_file(ran):
             assert not posterior["reference"].values.any()
 
 
-def test_sensitivity_is_computed_at_the_requested_distances(ran):
+def test_sensitivity_is_computed_at_the_requested_distance(ran):
     found = group(ran[1], "sensitivity")
-    assert found["distance"].values.tolist() == [0.5, 1.0]
+    assert found["distance"].values.tolist() == [1.0]
     assert found["field"].values.tolist() == [0.0, 0.5]
     assert list(found["source"].values) == ["pixel_noise", "calibration"]
     # Of two independent sources depth is little but their sum: their shares of its variance are the indices.

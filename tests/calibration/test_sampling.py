@@ -38,6 +38,7 @@ def test_a_correlated_normal_is_recovered():
     assert sample.evaluations == 4 * 10 * (sample.chains.shape[1] + sample.warm_up_steps)
 
 
+@pytest.mark.slow
 def test_the_laplace_proposal_speeds_up_sampling_and_changes_nothing_else():
     names = tuple(f"p{k}" for k in range(8))
     scale = np.geomspace(1e-3, 1e3, 8)

@@ -34,7 +34,7 @@ SMALLER = (
 )
 CALIBRATED = (
     f"{RIG}.calibration.errors=null",
-    f"{RIG}.calibration.corners={{file: stereo_65_corners.csv, max_steps: 300}}",
+    f"{RIG}.calibration.corners={{file: stereo_65_corners.csv, max_steps: 100}}",
 )
 
 
@@ -86,7 +86,7 @@ def own_corners(tmp_path_factory: pytest.TempPathFactory) -> Result:
     study = folder / "rig.yaml"
     study.write_text(
         text.replace("from: data/stereo_chessboard_corners.csv", "from: corners.csv").replace(
-            "    title: Webcams\n", "    title: Webcams\n    calibration: {corners: {max_steps: 500}}\n"
+            "    title: Webcams\n", "    title: Webcams\n    calibration: {corners: {max_steps: 200}}\n"
         ),
         encoding="utf-8",
     )
