@@ -190,7 +190,11 @@ def test_a_gap_that_focuses_on_no_real_object_is_said(focal_length: str, blurred
         (("stereo-50mm.lenses.focal_length={value: 12 mm, basis: datasheet}",), True),
         (("stereo-50mm.lenses.focal_length=4000 px",), False),  # a principal distance, as calibrations give it
         (("stereo-50mm.focus_distance=3 m",), False),
-        (("stereo-50mm.focus_distance=autofocus",), False),
+        (("stereo-50mm.focus_distance=autofocus",), True),  # at 0.3 m, the nearest distance
+        (("stereo-50mm.focus_distance=autofocus", "stereo-50mm.principal_distance=focal_length"), False),
+        (("stereo-50mm.focus_distance=autofocus", "stereo-50mm.lenses.focal_length=4000 px"), False),
+        (("stereo-50mm.focus_distance={value: autofocus, basis: assumed}",), False),
+        (("stereo-50mm.focus_distance=autofocus", "scene.distances.from=0.7 m"), False),  # by 12/688, below 2 %
     ],
 )
 def test_a_lens_whose_focus_implies_another_focal_length_is_warned_about(changes: tuple[str, ...], warns: bool) -> None:

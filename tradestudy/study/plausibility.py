@@ -151,6 +151,7 @@ def implausible(study: PreparedStudy) -> tuple[Problem, ...]:
         *_unused_corners(study),
         *_beyond_the_scene(study),
         *_contradictory(study),
+        *_refocusing(study),
     ]
     distinct: dict[tuple[str, int, int, str], Problem] = {}
     for problem in problems:
@@ -176,15 +177,42 @@ def _contradictory(study: PreparedStudy) -> Iterator[Problem]:
     """Inputs that determine one quantity differently, unless the one that `check` names has a basis."""
     for name, contradiction in contradictions(study):
         path = ("cameras", name, *contradiction.path)
-        entry = study.document.entry(path)
-        in_pixels = str(study.document.tree["cameras"][name].get("lenses", {}).get("focal_length", "")).endswith("px")
-        # A rule for the principal distance that is written, or implied by a focal length in pixels, is a choice.
-        chosen = contradiction.path == ("principal_distance",) and (entry is not None or in_pixels)
+        chosen = contradiction.path == ("principal_distance",) and _chooses_principal_distance(study, name)
         if chosen or _has_basis(study.document, path):
             continue
         end = contradiction.consequence or f"used: {contradiction.used}"
         what = f"{contradiction.what}: {contradiction.stated}, but {contradiction.implied}; {end}"
         yield study.document.problem(path, what)
+
+
+def _chooses_principal_distance(study: PreparedStudy, name: str) -> bool:
+    """Whether the rule for a principal distance is written, or implied by a focal length in pixels or a calibration."""
+    declared = study.document.tree["cameras"][name]
+    in_pixels = str(declared.get("lenses", {}).get("focal_length", "")).endswith("px")
+    return in_pixels or "principal_distance" in declared or declared.get("geometry") is not None
+
+
+def _refocusing(study: PreparedStudy) -> Iterator[Problem]:
+    """Lenses that refocus by more than the tolerance, although one principal distance is used at every focus."""
+    tolerance = study.file.accuracy.asked().tolerances["depth_uncertainty"]
+    for name, camera in study.case.cameras.items():
+        path = ("cameras", name, "focus_distance")
+        refocused = getattr(study.file.cameras[name], "focus_distance", None) == "autofocus"
+        if not refocused or _chooses_principal_distance(study, name) or _has_basis(study.document, path):
+            continue
+        nearest, lens = float(study.case.distance[0]), camera.gathering_lens
+        if not camera.images(study.case.distance[:1]).all():
+            continue
+        focused = lens.principal_distance(camera.depth_behind_lens(nearest))
+        longer = focused / lens.focal_length - 1.0
+        if longer > tolerance:
+            what = (
+                f"at {pretty(nearest, LENGTH)}, lenses that refocus have a principal distance of "
+                f"{pretty(focused, LENGTH)}, longer by {pretty(longer, FRACTION)}, but depth uses "
+                f"{pretty(lens.focal_length, LENGTH)} at every focus; give the focus_distance of fixed lenses, or "
+                "principal_distance: focal_length if the rig is calibrated for every focus"
+            )
+            yield study.document.problem(path, what)
 
 
 def _equal_titles(study: PreparedStudy) -> Iterator[Problem]:
