@@ -16,9 +16,10 @@ from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_measurement import PIXEL_NOISE
 from tradestudy.cameras.parts import Lens
 from tradestudy.depth.evaluation import distribution, model_error
-from tradestudy.depth.linear import linear_distribution, linearised_depth
+from tradestudy.depth.linear import linear_distribution, linearised_depth, noise_distribution, second_order
 from tradestudy.models.plan import plan_of
-from tradestudy.optics.lens_model import Rational
+from tradestudy.optics.lens_families import DoubleSphere, KannalaBrandt
+from tradestudy.optics.lens_model import LensModel, Rational
 from tradestudy.study.loading import load_prepared
 from tradestudy.uncertainty.distributions import Normal
 
@@ -98,6 +99,36 @@ def test_failures_are_found_where_noise_moves_images_out_of_the_field_of_a_lens(
     read = rig.measured_depth(truth, field, {PIXEL_NOISE: noise, "yaw": np.zeros((1, 1))})
     lost = read.no_overlap | read.out_of_range | ~(read.inverse_depth > 0.0)
     assert linear_distribution(rig, truth, field, "both").failed[0] == pytest.approx(lost.mean(axis=0), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("lens", "focal_length", "field", "noise_px", "yaw"),
+    [
+        (KannalaBrandt(k1=-0.05), 4e-3, 0.5, 60.0, 0.0),  # sideways at scores that none of these measurements has
+        (KannalaBrandt(), 4.2e-3, 0.9, 20.0, 0.0),
+        (KannalaBrandt(), 5e-3, 0.9, 60.0, -3.0),  # without noise, no depth is read
+        (DoubleSphere(xi=0.2, alpha=0.6), 5e-3, 0.7, 60.0, 0.0),
+        (Rational(k1=-0.3), 6e-3, 0.5, 20.0, 0.0),  # out of the field, mostly of near points
+    ],
+)
+def test_failures_are_those_of_many_measurements_where_noise_turns_rays_sideways(
+    lens: LensModel, focal_length: float, field: float, noise_px: float, yaw: float
+) -> None:
+    bias = math.radians(yaw)
+    rig = stereo(
+        lens=Lens(focal_length=focal_length, f_number=4.0),
+        distortion=lens,
+        disparity_error_px=noise_px,
+        calibration=Calibration(groups=(of_rig("yaw", Normal(mean=bias, standard_deviation=1e-3)),)),
+    )
+    truth = np.array([0.3, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0])
+    scores = ndtri((np.arange(200_000) + 0.5) / 200_000)[:, np.newaxis]
+    read = rig.measured_depth(truth, field, {PIXEL_NOISE: scores * noise_px * rig.sample_pitch, "yaw": np.array(bias)})
+    lost = np.mean(read.no_overlap | read.out_of_range | ~(read.inverse_depth > 0.0), axis=0)
+    assert noise_distribution(rig, truth, field).failed[0] == pytest.approx(lost, abs=1e-5)
+    to_second_order = second_order(rig, truth, field, "noise")
+    assert to_second_order is not None
+    assert to_second_order.expected.failed_fraction == pytest.approx(lost, abs=0.02)
 
 
 def test_a_line_in_inverse_depth_misses_a_baseline_that_is_off_by_a_tenth() -> None:

@@ -35,6 +35,11 @@ _LEAST_NOISE_PX: Final = 1e-2  # smallest step of the noise; a smaller one would
 _NEVER: Final = 1e-18  # smaller failed shares, of scores near the farthest one or beyond it, count as 0
 _INFINITY_TO: Final = 1e-7  # of a standard deviation, with linear interpolation within
 _ROUNDING: Final = 1e-15  # of the largest score
+# Of the largest score: where a camera without noise measures nothing, because of biased errors, larger scores may.
+_TRIED: Final = np.array([-1.0, 0.0, *0.5 ** np.arange(5.0, -1.0, -1.0)])
+
+Reader = Callable[[FloatArray], FloatArray]
+"""Inverse depth [1/m] at scores (dimensions, points, distances or 1), shape (points, distances)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,7 +159,7 @@ def scaled_noise(
     camera: MeasuresDepth, distance: FloatArray, field: FieldPosition, scale: FloatArray, false_matches: float = 0.0
 ) -> DepthDistribution:
     """The distribution of depth under noise multiplied by a scale (distances,)."""
-    from scipy.special import ndtr, ndtri
+    from scipy.special import ndtri
 
     probabilities = camera.propagation.probabilities
     under_noise = _under_noise(camera, distance, field)
@@ -163,11 +168,7 @@ def scaled_noise(
     seen = ~np.isnan(depths).any(axis=0)
 
     def failures() -> FloatArray:
-        score = _score_of_infinity(under_noise, FARTHEST_SCORE * np.nan_to_num(np.fmax(scale, 1.0)))
-        # Without any error, a measurement fails always or never, by the sign of the score: a small scale gives 1 or 0.
-        shares = ndtr(score / np.where(scale > 0.0, scale, FARTHEST_SCORE**-2))
-        failed = np.where(shares > _NEVER, shares, 0.0)
-        return np.where(seen, failed, np.nan)[None]
+        return np.where(seen, _failed_share(under_noise, scale), np.nan)[None]
 
     def radii() -> FloatArray:
         radius = error_radius(
@@ -194,37 +195,64 @@ def _under_noise(
     return lambda scores: read_draws(camera, {**fixed, PIXEL_NOISE: scores}, distance, field, noise)
 
 
-def _score_of_infinity(under_noise: Callable[[FloatArray], FloatArray], reach: FloatArray) -> FloatArray:
-    """The score of the noise at which depth reads infinity, by subdivision; ∓reach (distances,) if it lies beyond."""
+def _failed_share(read: Reader, scale: FloatArray, to: float = _INFINITY_TO) -> FloatArray:
+    """Probability that a normal score of standard deviation ``scale`` (distances,) gives no finite depth.
 
-    def inverse_depth(scores: FloatArray) -> FloatArray:
-        # Where noise moves an image out of the field of a lens, no depth is read: the measurement fails if the score is
-        # low. The score itself, with its sign, then stands in for the inverse depth.
-        inverse = under_noise(scores)
-        return np.where(np.isnan(inverse), scores, inverse)
+    Inverse depth rises with the score from infinity on. Failures lie below that score and, where a large score turns
+    rays out of the field of a lens or sideways, also above another one; both are found by subdivision, to within
+    ``to``.
+    """
+    from scipy.special import ndtr
 
-    # Inverse depth rises with the score, so infinity lies within reach only if the ends lie on both sides of it.
-    low, high = inverse_depth(np.stack([-reach, reach]))
-    score = np.where(high <= 0.0, reach, -reach)
-    within = (low <= 0.0) & (high > 0.0)
-    if within.any():
-        line = np.where(within, reach * (low + high) / np.where(within, low - high, 1.0), 0.0)  # between the two ends
-        to = np.maximum(_INFINITY_TO, _ROUNDING * reach)  # among scores in the billions, rounding is larger
-        ends, margin = last_score(reach, lambda scores: -inverse_depth(scores)[:, np.newaxis], to=to, estimate=line)
-        above, below = margin[:, 0]
-        share = np.divide(above, above - below, out=np.full(reach.shape, 0.5), where=above > below)
-        score[within] = (ends[0] + share * (ends[1] - ends[0]))[within]
-    return np.asarray(score)
+    reach = FARTHEST_SCORE * np.nan_to_num(np.fmax(scale, 1.0))
+    tried = _TRIED[:, np.newaxis] * reach
+    inverse = read(tried)
+    measured = inverse[1:] > 0.0
+    first = 1 + np.argmax(measured, axis=0), np.arange(reach.size)
+    ends = np.stack(
+        [
+            _end_of_failures(read, reach, tried[first], inverse[first], inverse[0], to),
+            _end_of_failures(lambda scores: read(-scores), reach, -tried[first], inverse[first], inverse[-1], to),
+        ]
+    )
+    # Without any error, a measurement fails always or never, by the sign of the score: a small scale gives 1 or 0.
+    shares = ndtr(ends / np.where(scale > 0.0, scale, FARTHEST_SCORE**-2))
+    return np.where(measured.any(axis=0), np.where(shares > _NEVER, shares, 0.0).sum(axis=0), 1.0)
+
+
+def _end_of_failures(
+    read: Reader, reach: FloatArray, measured: FloatArray, inverse: FloatArray, lowest: FloatArray, to: float
+) -> FloatArray:
+    """The score below which measurements fail (distances,); −reach if none do.
+
+    ``inverse`` is read at the score ``measured``, below which the failures lie, and ``lowest`` at −reach.
+    """
+
+    def margin(scores: FloatArray, inverse: FloatArray) -> FloatArray:
+        # Where no depth is read, and beyond the score that is measured, the distance from it stands in.
+        stands_in = np.isnan(inverse) | (inverse == 0.0) | ((inverse < 0.0) & (scores >= measured))
+        return np.where(stands_in, measured - scores, -inverse)
+
+    fails = ~(lowest > 0.0) & (inverse > 0.0)
+    if not fails.any():
+        return -reach
+    highest = margin(-reach, lowest)
+    line = (measured + reach) * np.where(fails, highest, 0.0) / np.where(fails, highest + inverse, 1.0) - reach
+    ends, margins = last_score(
+        reach,
+        lambda scores: margin(scores, read(scores))[:, np.newaxis],
+        to=np.maximum(to, _ROUNDING * reach),  # among scores in the billions, rounding is larger
+        estimate=line,
+    )
+    above, below = margins[:, 0]
+    share = np.divide(above, above - below, out=np.full(reach.shape, 0.5), where=above > below)
+    return np.where(fails, ends[0] + share * (ends[1] - ends[0]), -reach)
 
 
 _SECOND_STEP: Final = 1e-2  # standard deviations, for the gradient
-_SECTIONS: Final = 16
-_SECOND_ROUNDS: Final = 2  # to 0.07 standard deviations, with linear interpolation within these
+_SECOND_TO: Final = 0.07  # standard deviations, with linear interpolation within
 _UNCERTAIN: Final = 0.5  # of the changes of half widths due to mean and variance across the steepest direction
 _MEDIAN: Final = 1e-9  # largest score of a median, up to rounding
-
-Reader = Callable[[FloatArray], FloatArray]
-"""Inverse depth [1/m] at scores (dimensions, points, distances or 1), shape (points, distances)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -295,6 +323,9 @@ def second_order(
 
     false_matches = false_match_share(camera, error_source)
 
+    def failed_along() -> FloatArray:
+        return _failed_share(lambda scores: read(scores * steepest[:, np.newaxis]), np.ones(distance.shape), _SECOND_TO)
+
     def with_quantiles(inverse: FloatArray) -> DepthDistribution:
         unseen = np.isnan(inverse).any(axis=0)
         depths = np.where(unseen, np.nan, depth_from_inverse(inverse))
@@ -307,7 +338,7 @@ def second_order(
         return DepthDistribution(
             probabilities=camera.propagation.probabilities,
             quantiles=depths[np.newaxis],
-            failures=lambda: np.where(np.isnan(along).any(axis=0), np.nan, _failed(read, steepest))[np.newaxis],
+            failures=lambda: np.where(np.isnan(along).any(axis=0), np.nan, failed_along())[np.newaxis],
             radii=radii,
             false_matches=false_matches,
         )
@@ -388,23 +419,3 @@ def _between(camera: DepthCamera, inverse: FloatArray, scores: FloatArray) -> Fl
     for power in powers:
         between = between * within + power
     return depth_from_inverse(between)
-
-
-def _failed(read: Reader, steepest: FloatArray) -> FloatArray:
-    """Probability that inverse depth ends at or below zero along the steepest direction, over distances."""
-    from scipy.special import ndtr
-
-    place = np.arange(steepest.shape[1])
-    low, high = np.full((2, place.size), [[-FARTHEST_SCORE], [FARTHEST_SCORE]])
-    for _ in range(_SECOND_ROUNDS):
-        searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
-        inverse = read(searched * steepest[:, np.newaxis])
-        # Inverse depth rises along the steepest direction, so failures lie below a certain score.
-        last = np.sum(~(inverse > 0.0), axis=0) - 1
-        row = np.clip(last, 0, _SECTIONS - 1)
-        low, high = searched[row, place], searched[row + 1, place]
-    below, above = inverse[row, place], inverse[row + 1, place]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.nan_to_num(np.clip(-below / (above - below), 0.0, 1.0))
-    score = low + share * (high - low)
-    return np.asarray(np.where(last < 0, 0.0, np.where(last >= _SECTIONS, 1.0, ndtr(score))))
