@@ -311,13 +311,13 @@ class Study:
             cannot be rendered, or depth cannot be measured in them; or if the study prescribes a model for an effect
             that none of its cameras, lenses or light paths has.
         """
+        self._refuse_pictures()
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.prepared.case.cameras else set())
         has_spot = self.file.light_spot is not None  # whose picture depends on the chosen models
         if forced or has_spot or self.definition.under_tolerance.entry("accuracy") is not None:
             from tradestudy.models.choice import choose_models, refuse_chosen_spot
 
             refuse_chosen_spot(self.prepared, choose_models(self.prepared))
-        self._refuse_pictures()
         self._refuse_calibrations("few views")
         return self.check_summary()
 
@@ -445,7 +445,7 @@ class Study:
 
             claimed = compared_spots(self.prepared)
             for part, method in dict.fromkeys([*((spot, method) for method in spot.methods), *claimed]):
-                refuse_picture(part, compared_models(part, method))
+                refuse_picture(part, compared_models(part, method), "light_spot.tolerance, for compared pictures")
         if self.file.point_spread is not None:
             from tradestudy.models.point_spreads import refuse_spreads
 

@@ -356,8 +356,10 @@ def test_check_plan_and_run_refuse_microlenses_that_follow_the_source_in_the_sam
     assert len(said) == 1
     looser = [*PERFECT, "light_spot.tolerance=10 %"]
     for ask in (tradestudy.Study.check, tradestudy.Study.plan):  # the chosen picture has a tolerance of its own
-        with pytest.raises(OutOfRangeError, match=r"≤ 0\.01"):
+        with pytest.raises(OutOfRangeError, match=r"≤ 0\.01, the sampling of the chosen picture.* accuracy"):
             ask(tradestudy.load(STUDY, looser))
+        with pytest.raises(OutOfRangeError, match=r"≤ 0\.01, light_spot\.tolerance, for compared pictures"):
+            ask(tradestudy.load(STUDY, [*PERFECT, "accuracy.tolerance=0.5 %"]))
         ask(tradestudy.load(STUDY, [*looser, "accuracy.tolerance=10 %"]))
 
 

@@ -89,7 +89,8 @@ def refuse_chosen_spot(study: PreparedStudy, choices: Sequence[Choice]) -> None:
         from tradestudy.models.light_spot import NAME, spot_models
         from tradestudy.models.light_trial import refuse_picture
 
-        refuse_picture(spot, spot_models(next(choice.models for choice in choices if choice.name == NAME)))
+        models = spot_models(next(choice.models for choice in choices if choice.name == NAME))
+        refuse_picture(spot, models, "the sampling of the chosen picture, which follows from the key accuracy")
 
 
 def choose_depth_models(study: PreparedStudy, names: Collection[str]) -> dict[str, Models]:

@@ -198,12 +198,14 @@ def _lit_part(path: LightPath, middle: PointSource, radius: float, index: int) -
     return _LitPart(middle=centre + place * axis, axis=axis, along=(last - first) / 2.0, across=across, lit=True)
 
 
-def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
+def refuse_picture(part: LightSpotPart, models: SpotModels, tolerance_name: str) -> None:
     """Refuse a picture that a run would refuse, as far as an estimate of seconds can tell.
 
     Microlenses follow the source too far if fixed ones change the light of a few points, or the picture by exact rays,
     by more than the tolerance: points miss edges of the disc, rays miss diffraction, so the larger change counts. Both
     can be too small; therefore `picture_of` compares the pictures themselves.
+
+    ``tolerance_name`` tells the reader of the refusal from where the tolerance of the models comes.
 
     Raises
     ------
@@ -224,7 +226,7 @@ def refuse_picture(part: LightSpotPart, models: SpotModels) -> None:
     change = light_trial(part).change_by_fixed_phase(models)
     if not part.spot.coherent:
         change = max(change, _change_of_rays(without_comparison(part), models.tolerance, as_point=models.point))
-    refuse_change_by_phase(path, change, models.tolerance)
+    refuse_change_by_phase(path, change, models.tolerance, tolerance_name)
 
 
 @lru_cache(maxsize=8)

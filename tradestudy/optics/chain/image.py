@@ -129,13 +129,15 @@ def with_fixed_phase(path: LightPath) -> LightPath:
     return replace(path, microlenses=replace(path.microlenses, lens_phase="parabolic", focus_distance=None))
 
 
-def refuse_change_by_phase(path: LightPath, change: float, tolerance: float) -> None:
+def refuse_change_by_phase(
+    path: LightPath, change: float, tolerance: float, tolerance_name: str = "the tolerance of the image"
+) -> None:
     """Refuse microlenses whose image differs from that of fixed ones by a change (relative L2) above the tolerance."""
     if change > tolerance:
         raise OutOfRangeError(
             f"{path.microlenses.lens_phase} microlenses, whose phase follows the source",
             value=f"an image that differs by about {change:.2g} from that of parabolic microlenses, which are fixed",
-            limit=f"a difference ≤ {tolerance:g}, the tolerance of the image",
+            limit=f"a difference ≤ {tolerance:g}, {tolerance_name}",
             remedy="use the parabolic lens phase for the microlenses, with a pupil for their aberrations",
         )
 
