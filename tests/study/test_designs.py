@@ -144,6 +144,24 @@ def test_a_design_without_a_margin_is_never_nearest() -> None:
     assert found.best.margin == pytest.approx(-0.2)
 
 
+def test_no_design_is_called_closest_where_the_sweep_does_not_matter() -> None:
+    results = tree(0, grid(*[(-20.0, -20.0)] * 3))
+    assert feasible_words(results) == "none of 6 designs meets both requirements: all miss them alike"
+    assert design_details(results) == "Every design misses “close enough” (worst 1 %) and “far enough” (worst 2 %)"
+
+
+def test_the_next_requirement_decides_between_designs_that_miss_the_worst_one_alike() -> None:
+    margins = grid((-50, -50), (-50, -50), (-50, -50)).astype(float)
+    margins[..., 1] = [[-30, -20], [-10, -25], [-40, -45]]
+    found = feasible_designs(tree(0, margins))
+    assert found is not None
+    assert found.best.values == {"rig.baseline": 0.1, "rig.lenses.focal_length": 0.004}
+
+
+def test_a_margin_without_an_end_is_not_stated_as_a_number() -> None:
+    assert design_details(tree(1, np.full((3, 2, 2), np.inf))).startswith("Best: the rig with baseline 50 mm")
+
+
 def test_a_usable_design_is_closer_than_one_whose_value_is_better_where_it_is_not_usable() -> None:
     """Lenses at f/2, focused at 0.3 m, blur a point at 0.35 m over f/2 · f/(0.3 m − f)/7: 1.3 and 5.2 px."""
     rig = {
@@ -214,4 +232,5 @@ def test_a_design_that_misses_only_a_guard_band_names_the_right_requirement() ->
     met[..., 0] = 0.0
     margins = np.zeros((3, 2, 2))
     margins[..., 0], margins[..., 1] = 50.0, 5.0
+    margins[2, 1] = 6.0
     assert design_details(tree(met, margins)) == "The closest design misses “close enough” (worst 1 %)"

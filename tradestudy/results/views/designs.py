@@ -72,7 +72,10 @@ class Feasible:
     count, designs
         Number of feasible designs, and of all designs.
     best
-        The feasible design whose smallest margin is largest; if none is feasible, the one that comes closest.
+        The feasible design whose smallest margin is largest; if none is feasible, the one that comes closest. Between
+        equal ones, the next smallest decides.
+    alike
+        Whether every design meets or misses each requirement by as much as the best one.
     misses
         The requirements that this design misses, in the words of the study, and its worst values; worst missed first.
     region
@@ -90,6 +93,7 @@ class Feasible:
     count: int
     designs: int
     best: Design
+    alike: bool
     misses: tuple[tuple[str, str], ...]
     region: str
     required: int
@@ -168,8 +172,9 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     closeness = _of_required(data, "design_closeness", axes, must) if "design_closeness" in data else margins
     feasible, least = np.all(met, axis=-1), np.min(closeness, axis=-1)
     # Feasible designs come first: a guard band can make a design fail although its margin is positive.
-    rating = np.where(feasible, least, np.where(feasible.any(), -np.inf, least))
-    best = np.unravel_index(int(np.argmax(rating)), least.shape)
+    ratings = np.column_stack([feasible.ravel(), np.sort(closeness.reshape(feasible.size, -1))])
+    best_first = np.lexsort(-ratings.T[::-1])
+    best = np.unravel_index(int(best_first[0]), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
     # Each parameter is judged by the margins along it, through the best design.
     words = [
@@ -189,6 +194,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
             words=design_words(tree, dict(zip(axes, words, strict=True))),
             margin=float(margins[best].min()) / 100.0,
         ),
+        alike=np.allclose(closeness, closeness[best], rtol=1e-9, atol=0.0) and bool((met == met[best]).all()),
         misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
         region=_region_words(tree, data, axes, feasible),
         required=int(must.sum()),
@@ -316,7 +322,12 @@ def feasible_words(tree: xr.DataTree) -> str:
     requirements += " that must hold" if feasible.wishes and feasible.required > 1 else ""
     requirements += " with one of the cameras" if feasible.by_any and len(camera_titles(tree)) > 1 else ""
     if not feasible.count:
-        return f"none of {feasible.designs} designs meets {requirements}: {feasible.best.words} comes closest"
+        closest = (
+            f"all miss {'it' if feasible.required == 1 else 'them'} alike"
+            if feasible.alike
+            else f"{feasible.best.words} comes closest"
+        )
+        return f"none of {feasible.designs} designs meets {requirements}: {closest}"
     if feasible.count == feasible.designs:
         return f"every design meets {requirements}: {feasible.region}"
     counts = (
@@ -367,7 +378,8 @@ def design_details(tree: xr.DataTree) -> str:
     if feasible is None:
         return ""
     if not feasible.count:
-        return f"The closest design misses {listed([f'“{says}” ({reason})' for says, reason in feasible.misses])}"
+        which = "Every design" if feasible.alike else "The closest design"
+        return f"{which} misses {listed([f'“{says}” ({reason})' for says, reason in feasible.misses])}"
     margin = f"Largest margin, {_margin_size(feasible.best.margin)}" if np.isfinite(feasible.best.margin) else "Best"
     missed = [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in feasible.missed]
     # More misses than designs that miss anything: some designs miss several requirements.
