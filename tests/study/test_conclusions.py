@@ -452,6 +452,13 @@ def test_of_many_requirements_the_three_tightest_have_curves_and_the_others_are_
     assert {one for one in named if str(one).startswith("need")} == {"need 1", "need 3", "need 4"}
 
 
+def test_a_margin_without_an_end_is_not_said(swept: Result) -> None:
+    conclusion = requirement_conclusions(swept.data)[0]
+    other = replace(conclusion.others[0], met=True, margin=np.inf)
+    words = requirement_sentence(replace(conclusion, others=(other,)))
+    assert f"by {other.camera};" in words
+
+
 def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
     assert "requirement_margins" in swept.figure_names
     tree = swept.data.copy()

@@ -263,7 +263,11 @@ def _others(tree: xr.DataTree, number: int, titles: Mapping[str, str]) -> tuple[
 
 def _others_words(conclusion: RequirementConclusion) -> Iterator[str]:
     """What the other cameras do: those that meet the requirement with their margin, the rest with their values."""
-    met = [f"{other.camera} ({margin_words(other.margin)})" for other in conclusion.others if other.met]
+    met = [
+        other.camera + f" ({margin_words(other.margin)})" * math.isfinite(other.margin)
+        for other in conclusion.others
+        if other.met
+    ]
     missed = [
         f"{other.camera} ({other.reason.removeprefix(_WORST)})" for other in conclusion.others if other.met is False
     ]
