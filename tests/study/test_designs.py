@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,10 @@ from tradestudy.results.views.designs import (
     feasible_words,
 )
 from tradestudy.results.views.terminal import terminal_lines
+from tradestudy.study.varying import sweep_axes
 
+STUDIES = Path(__file__).parents[2] / "studies"
+AT_HALF_A_METRE = {"depth_uncertainty": {"below": "40 mm", "at": "0.5 m"}}
 CAMERAS = {"rig": "Rig", "r5": "R5"}
 BASELINES, FOCI = np.array([0.05, 0.1, 0.2]), np.array([0.004, 0.008])
 
@@ -196,6 +200,27 @@ def test_a_usable_design_is_closer_than_one_whose_value_is_better_where_it_is_no
     lines = list(terminal_lines(result.data))
     assert any("focal length 4 mm comes closest" in line for line in lines)
     assert any(line.startswith("The closest design misses “fine” (worst ") for line in lines)
+
+
+def test_a_sweep_to_infinity_has_choices_and_no_range_up_to_infinity() -> None:
+    """Nothing is drawn or searched between a number and infinity; the declared infinity is one design, not two."""
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values(
+        {
+            "sweep": {"stereo-75mm.focus_distance": ["inf", "0.5 m", "2 m"]},
+            "stereo-75mm.focus_distance": "infinity",
+            "requirements": {
+                "near-and-mid": None,
+                "fine": {"says": "fine", "camera": "stereo-75mm", **AT_HALF_A_METRE},
+            },
+            "scene.distances": ["0.3 m", "4 m"],
+            "usable_range.blur": "1 px",
+        }
+    )
+    (axis,) = sweep_axes(study.prepared)
+    assert (axis.labels, axis.declared) == (("0.5 m", "2 m", "inf"), "inf")
+    # At 0.5 m, f = 2.65 mm at f/2 blurs over 1.325 mm · f · |1/0.5 m − 1/a₀|: 5.3 um focused at 2 m, 7 um at infinity.
+    first, *_ = terminal_lines(study.run().data)
+    assert first == "Take the 75 mm stereo head with focus distance 0.5 m: 1 of 3 designs meets the requirement."
 
 
 def test_the_favoured_camera_is_counted_over_designs_and_equal_places_are_merged() -> None:

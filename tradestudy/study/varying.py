@@ -148,13 +148,15 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], study: PreparedStudy) -> S
     if entry is not None and declared and not any(math.isclose(label, own_label, rel_tol=1e-12) for label in labels):
         labels[own_label] = entry
     ordered = sorted(labels)
+    swept = tuple(labels[label] for label in ordered)
+    own = next((label for label in ordered if math.isclose(label, own_label, rel_tol=1e-12)), "")
+    if math.isinf(ordered[-1]):  # nothing can be drawn or searched between a number and infinity
+        words = {label: text_of(entry) for label, entry in labels.items()}
+        own_words = words[own] if isinstance(own, float) else ""
+        choices_in_order = tuple(words[label] for label in ordered)
+        return SweepAxis(path=path, values=swept, labels=choices_in_order, units="", declared=own_words)
     return SweepAxis(
-        path=path,
-        values=tuple(labels[label] for label in ordered),
-        labels=tuple(ordered),
-        units=dimension.unit or "1",
-        declared=next((label for label in labels if math.isclose(label, own_label, rel_tol=1e-12)), ""),
-        dimension=dimension,
+        path=path, values=swept, labels=tuple(ordered), units=dimension.unit or "1", declared=own, dimension=dimension
     )
 
 
@@ -172,7 +174,7 @@ def question_ends(question: SolvePart | AssumptionPart) -> tuple[Dimension, floa
     low, high = parse(question.low, dimension), parse(question.high, dimension)
     if not 0.0 < low < high < math.inf:
         raise OutOfRangeError(
-            "the ends of the varied range", value=f"{question.low} … {question.high}", limit="0 < low < high"
+            "the ends of the varied range", value=f"{question.low} … {question.high}", limit="0 < low < high < ∞"
         )
     return dimension, low, high
 
