@@ -164,7 +164,10 @@ def test_pictures_stand_upright_and_are_not_mirrored(tmp_path: Path, first_row: 
 
 def test_results_do_not_depend_on_the_executor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tiles, "TILE", (50, 64))
-    loaded = study(tmp_path, "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}", "rig: drawn")
+    smaller = {"cameras.pair.sensor.pixels": [128, 100], "cameras.plenoptic.sensor.pixels": [128, 128]}
+    loaded = study(tmp_path, "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}", "rig: drawn").with_values(
+        smaller
+    )
     alone = rendered(tmp_path / "alone", loaded)
     shared = rendered(tmp_path / "shared", loaded, Threads(3))
     for name, picture in alone.items():

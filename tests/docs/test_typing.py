@@ -69,6 +69,7 @@ def code_of_notebook(notebook: Path) -> str:
     return "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code") + "\n"
 
 
+@pytest.mark.slow
 def test_the_code_of_pages_and_notebooks_has_strict_types(tmp_path: Path) -> None:
     codes = {path: code_of_page(path) for path in PAGES}
     codes |= {path: code_of_notebook(path) for path in (ROOT / "studies").glob("*.ipynb")}

@@ -75,7 +75,7 @@ def test_the_picture_of_a_plane_agrees_with_direct_integration_over_its_points()
     sample = 2e-6 * DISTANCE / IMAGE
     at = (np.arange(1024) - 512 + 0.5) * sample
     pattern = pattern_of(np.roll(brightness(at[None, :], at[:, None]), (512, 512), (0, 1))[None], sample)
-    few, many = (tile_of(direct_integration.exposure(), pattern, DISTANCE, samples) for samples in (8, 256))
+    few, many = (tile_of(direct_integration.exposure(), pattern, DISTANCE, samples) for samples in (8, 128))
     assert unlike(expected_electrons(many)[0], direct) > 0.06
     assert unlike(by_waves(few, WAVELENGTH), direct) < 0.024
     assert unlike(by_waves(many, WAVELENGTH, fineness=2), direct) < 0.013

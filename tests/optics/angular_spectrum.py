@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from tradestudy.optics.chain.scene import LightPath
 
-_RADII = 700
+_RADII = 400
 
 
 def angular_spectrum_image(

@@ -209,11 +209,11 @@ def test_a_looser_tolerance_costs_a_microlens_image_no_more_than_it_allows(phase
     targets = detector(phase, distance, pitch, count)
     settings = {"source": OBJECT, "lens": micro(phase), "wavelength": WAVELENGTH}
     exact = aperture_field(
-        targets=targets, method="kirchhoff", accuracy=FieldAccuracy(tolerance=1e-7), **settings
+        targets=targets, method="kirchhoff", accuracy=FieldAccuracy(tolerance=1e-6), **settings
     ).field
     wave = lens_wave(**settings)
     errors = {}
-    for tolerance in (0.1, 0.05, 0.02, 0.01, 1e-3):
+    for tolerance in (0.1, 0.02, 1e-3):
         done = unchecked_hybrid_field(
             wave=wave,
             kernel=KirchhoffKernel(wavelength=WAVELENGTH, obliquity="paper"),
@@ -232,8 +232,8 @@ def test_a_looser_tolerance_costs_a_microlens_image_no_more_than_it_allows(phase
     ("x", "left", "right"),
     [
         (0.22923e-3, -0.40997e-3, 0.36363e-3),
-        (0.68180e-3, -0.46257e-3, 0.32455e-3),
-        (1.41024e-3, -0.53673e-3, 0.25039e-3),
+        pytest.param(0.68180e-3, -0.46257e-3, 0.32455e-3, marks=pytest.mark.slow),
+        pytest.param(1.41024e-3, -0.53673e-3, 0.25039e-3, marks=pytest.mark.slow),
         (2.00000e-3, -0.59681e-3, 0.19031e-3),
     ],
 )
@@ -254,7 +254,7 @@ def test_a_looser_tolerance_costs_a_main_lens_field_no_more_than_it_allows(x, le
     ends = np.array([0, count - 1, count * (count - 1), count**2 - 1])
     pick = np.concatenate([ends, np.random.default_rng(3).integers(count**2, size=120)])
     points = TargetPoints(**{name: c[pick] for name, c in zip(("x", "y", "distance"), grid.coordinates(), strict=True)})
-    nodes = nodes_for(wave, kernel, points, FieldAccuracy(tolerance=1e-5))
+    nodes = nodes_for(wave, kernel, points, FieldAccuracy(tolerance=1e-4))
     exact = direct_sum(sample_wave(wave, nodes), kernel, *points.coordinates())
     common = {"wave": wave, "kernel": kernel, "limits": Limits()}
     own = relative_intensity(unchecked_hybrid_field(targets=points, tolerance=1e-4, **common).field, exact)

@@ -96,6 +96,7 @@ def test_perfect_lenses_leave_paraxial_rays_as_they_are() -> None:
     assert exact.pixels.sum() == pytest.approx(paraxial.pixels.sum(), rel=3e-3)
 
 
+@pytest.mark.slow
 def test_kirchhoff_approaches_rays_as_the_wavelength_shrinks() -> None:
     path = fast()
     rays = image(path, CENTRED, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=5e-3)).pixels

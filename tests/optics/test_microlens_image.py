@@ -27,6 +27,7 @@ CAMERA = optics.MicrolensCamera(
     pixel_pitch=4e-6,
     microlens_aperture=24e-6,
 )
+COMA = replace(CAMERA, pupil=optics.Pupil.from_waves({8: 0.6}, wavelength=WAVELENGTH))
 POINT = optics.PointSource(x=0.3e-3, y=-0.2e-3, distance=20e-3)
 
 
@@ -130,7 +131,7 @@ def test_light_from_the_rim_of_a_masked_pupil_is_not_left_out(
         ({}, 550e-9, 2e-3),
         ({8: 0.5}, 550e-9, 2e-2),
         ({4: 1.0}, 550e-9, 2e-2),
-        ({2: 4.0}, 550e-9, 2e-2),
+        pytest.param({2: 4.0}, 550e-9, 2e-2, marks=pytest.mark.slow),
         ({}, 8e-6, 5e-2),
     ],
 )
@@ -149,7 +150,7 @@ def test_light_of_microlenses_left_out_is_within_the_stated_error(
     many = replace(path.microlenses, centres=centres[near], focal_lengths=np.full(near.sum(), 76e-6))
     truth = optics.chain_image(
         replace(path, microlenses=many), POINT, wavelength=wavelength, legs=optics.KIRCHHOFF,
-        accuracy=optics.ChainAccuracy(tolerance=tolerance / 5), rng=np.random.default_rng(3),
+        accuracy=optics.ChainAccuracy(tolerance=tolerance / 3), rng=np.random.default_rng(3),
     )  # fmt: skip
     assert many.count > 1.5 * path.microlenses.count
     assert relative(image.pixels, truth.pixels) <= image.numerical_error + truth.numerical_error
@@ -251,15 +252,20 @@ def test_impossible_arrays_are_refused_at_once(change: dict[str, float], error: 
         camera.light_path(optics.PointSource(distance=20e-3), wavelength=550e-9)
 
 
+@pytest.fixture(scope="module")
+def with_coma() -> optics.ChainImage:
+    return module.microlens_image(COMA, POINT, wavelength=WAVELENGTH, tolerance=1e-2)
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("legs", [optics.FRESNEL, optics.KIRCHHOFF_FRESNEL])
-def test_fresnel_behind_an_aberrated_lens_passes_its_check(legs: optics.Legs, seed: int) -> None:
+def test_fresnel_behind_an_aberrated_lens_passes_its_check(
+    with_coma: optics.ChainImage, legs: optics.Legs, seed: int
+) -> None:
     """Its check once summed the light of microlenses so far away that their nodes did not resolve it."""
-    lens = replace(CAMERA, pupil=optics.Pupil.from_waves({8: 0.6}, wavelength=WAVELENGTH))
-    image = module.microlens_image(lens, POINT, wavelength=WAVELENGTH, legs=legs, tolerance=1e-2, seed=seed)
-    exact = module.microlens_image(lens, POINT, wavelength=WAVELENGTH, tolerance=1e-2)
+    image = module.microlens_image(COMA, POINT, wavelength=WAVELENGTH, legs=legs, tolerance=1e-2, seed=seed)
     assert image.direct_check["intensity on the detector"] < 0.03
-    assert relative(image.pixels, exact.pixels) < 0.1  # the microlenses are faster than f/3
+    assert relative(image.pixels, with_coma.pixels) < 0.1  # the microlenses are faster than f/3
 
 
 def test_a_dark_microlens_and_a_giant_coherent_disc_are_refused() -> None:

@@ -66,11 +66,11 @@ def of_path(path: optics.LightPath, distance: float, legs: optics.Legs, toleranc
     ("of", "distance", "per_pixel", "across"),
     [
         (camera, 0.5, 14, 600),
-        (camera, 0.499, 14, 600),
+        pytest.param(camera, 0.499, 14, 600, marks=pytest.mark.slow),
         (camera, 0.49, 14, 700),
         (slow, 1.0, 10, 900),
         (slow, 0.98, 10, 900),
-        (shipped, 0.15, 12, 700),
+        pytest.param(shipped, 0.15, 12, 700, marks=pytest.mark.slow),
         (shipped, 0.149, 12, 700),
     ],
     ids=["f/2", "f/2, 0.2 µm off", "f/2, 2 µm off", "f/22", "f/22, 60 µm off", "shipped", "shipped, 8 µm off"],
@@ -168,7 +168,11 @@ def test_fresnels_law_behind_a_fast_microlens_equals_two_hankel_transforms(
     assert image.pixels.sum() < truth.sum() * (1 + tolerance)
 
 
-@pytest.mark.parametrize(("of", "distance"), [(camera, 0.3), (illum, 1.0)], ids=["Lytro", "Illum"])
+@pytest.mark.parametrize(
+    ("of", "distance"),
+    [(camera, 0.3), pytest.param(illum, 1.0, marks=pytest.mark.slow)],
+    ids=["Lytro", "Illum"],
+)
 def test_fresnels_share_of_the_light_converges_below_all_that_enters(of, distance: float) -> None:  # type: ignore[no-untyped-def]  # a function of this module
     path = of().light_path(optics.PointSource(distance=distance), wavelength=WAVELENGTH)
     shares = [of_path(path, distance, optics.FRESNEL, t).pixels.sum() for t in (1e-1, 1e-2, 1e-3, 1e-4)]

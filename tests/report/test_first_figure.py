@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pypdfium2 as pdfium
@@ -13,15 +13,20 @@ from tests.report.layout import unreadable
 from tradestudy import figures
 from tradestudy.figures.style import traces
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Bullets, Callout, PageBreak, Picture, plain_text
+from tradestudy.report.document import Block, Bullets, Callout, PageBreak, Picture, plain_text
 from tradestudy.report.pdf import render_pdf
 from tradestudy.results.views.finding import MOST_CURVES, MOST_WORDS, cameras_by_weight, ratio_to_middle, short
 from tradestudy.results.views.terminal import terminal_lines
 from tradestudy.wording import few
 
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="400" height="200"></svg>'
+
 
 def _first_picture(tree: xr.DataTree, record: dict[str, object]) -> Picture:
-    blocks = compose_report(tree, record, figures.build(tree)).blocks
+    return _first_of(compose_report(tree, record, figures.build(tree)).blocks)
+
+
+def _first_of(blocks: Sequence[Block]) -> Picture:
     page_one = blocks[: next(k for k, block in enumerate(blocks) if isinstance(block, PageBreak))]
     (picture,) = (block for block in page_one if isinstance(block, Picture))
     return picture
@@ -45,17 +50,16 @@ def test_three_cameras_need_one_figure_and_many_a_first_one_of_three(
 ) -> None:
     assert _first_picture(tree, record).name == "whole_range"
     crowd = _crowd(tree, 37)
-    first = _first_picture(crowd, record)
+    drawings = figures.build(crowd)
+    blocks = compose_report(crowd, record, drawings).blocks
+    first = _first_of(blocks)
     assert first.name == "deciding_cameras"
     assert "37 other cameras" in first.caption
-    figure = figures.build(crowd)["deciding_cameras"].draw()
+    figure = drawings["deciding_cameras"].draw()
     labels = {label.get_text() for label in figure.axes[1].get_yticklabels()}
     assert len(labels) == MOST_CURVES + 1  # and the best camera
     assert not unreadable(figure)
-    every = [
-        block for block in compose_report(crowd, record, figures.build(crowd)).blocks if isinstance(block, Picture)
-    ]
-    assert "whole_range" in {picture.name for picture in every}
+    assert "whole_range" in {block.name for block in blocks if isinstance(block, Picture)}
 
 
 def test_the_cameras_of_the_answer_come_first(tree: xr.DataTree) -> None:
@@ -157,7 +161,7 @@ def test_page_one_names_the_requirements_that_decide_and_counts_the_others(
     assert len(bullets.items) == 5
     assert "46 more requirements (section “Requirements”)" in plain_text(bullets.items[-1])
     shown = [block.name for block in report.blocks if isinstance(block, Picture)]
-    pictures = {name: drawings[name].draw().svg() for name in shown}
+    pictures = dict.fromkeys(shown, SVG) | {shown[0]: drawings[shown[0]].draw().svg()}  # the others follow page one
     with pdfium.PdfDocument(render_pdf(report, pictures)) as document:
         first_page = document[0].get_textpage().get_text_range()
     assert "Figure 1" in first_page
