@@ -31,6 +31,11 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
         ("claims.C1.expect.about=0.5", "'0.5' has no unit"),
         ("solve.yaw-at-half-metre.low=6 deg", "0 < low < high < ∞"),
         ("decision.between=[stereo-short, stereo-short]", "two different cameras"),
+        (
+            "stereo-short.calibration.errors.baseline="
+            "{standard_deviation: null, shape: student-t, scale: 1 um, degrees_of_freedom: 0.5}",
+            "'0.5' is out of range; a plain number of 1 or more is expected",
+        ),
         ("claims.C2.over=[10 m, 0.5 m]", "from near to far"),
         ("usable_range.overlap=120 %", "from 0 % to 100 %"),
         ("raytrix-r5.calibration.correlations.mla_distance.focal_length=true", "'true' is not a quantity"),

@@ -26,6 +26,8 @@ from tradestudy.declarations.quantities import (
 )
 
 PositiveTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE, above=0.0)]
+# Fewer than those of two measurements would give such long tails that no number of draws converges.
+DegreesOfFreedom = Annotated[float, *quantity(units.NUMBER, at_least=1.0)]
 PositivePressureDifference = Annotated[float, *quantity(units.PRESSURE_DIFFERENCE, above=0.0)]
 
 Shape = Literal["normal", "uniform", "triangular", "student-t", "arcsine", "curvilinear-trapezoid", "empirical"]
@@ -83,7 +85,7 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         default=None,
         description="Scale of a Student-t distribution: s/√n for the mean of n measurements with standard deviation s.",
     )
-    degrees_of_freedom: PositiveNumber | None = Field(
+    degrees_of_freedom: DegreesOfFreedom | None = Field(
         default=None,
         description="Degrees of freedom of a Student-t distribution: n − 1 for the mean of n measurements.",
     )
