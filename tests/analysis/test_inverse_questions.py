@@ -82,6 +82,17 @@ def test_noise_that_exceeds_the_calibration_asked_for_is_reported(goal: str, *, 
     ) is says
 
 
+def test_noise_without_a_bound_on_depth_is_reported() -> None:
+    """At 3 m the disparity is 75 mm · 2.65 mm/(3 m · 3 um) = 22 px, which noise of 30 px often exceeds."""
+    question = {"says": "how well?", "at": "3 m", "uncertainty": "30 mm", "camera": "stereo-75mm"}
+    yaw = {"vary": "stereo-75mm.calibration.errors.yaw.standard_deviation", "low": "0.0001 deg", "high": "1 deg"}
+    values = {"stereo-75mm.depth.disparity_error": "30 px", "solve": {"own": {**yaw, **question}}}
+    definition = tradestudy.load(STUDIES / "robot.yaml").with_values(values).plan().study
+    found = solve(definition, definition.file.solve["own"])
+    assert found.solutions == ()
+    assert found.answer.endswith("the matching noise of one measurement alone leaves its depth without a bound")
+
+
 def test_both_of_two_solutions_are_reported() -> None:
     """The rig is surest in focus: nearer and farther focus distances blur a target at 0.6 m alike."""
     question = {"vary": "stereo-75mm.focus_distance", "low": "100 mm", "high": "5 m", "camera": "stereo-75mm"}

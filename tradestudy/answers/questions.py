@@ -222,6 +222,8 @@ def _larger_noise(study: PreparedStudy, question: SolvePart) -> str:
     width = float(np.mean(_widths(study.case.cameras[question.camera or ""], noise)))
     if width <= question.goal:
         return ""
+    if math.isinf(width):
+        return "; the matching noise of one measurement alone leaves its depth without a bound"
     enough = counted(math.ceil((width / question.goal) ** 2), "measurement")
     excess = f"the matching noise of one measurement, {pretty(width, LENGTH)}, exceeds the goal"
     return f"; {excess} of {pretty(question.goal, LENGTH)}, so average at least {enough}"
