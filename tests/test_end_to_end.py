@@ -231,6 +231,7 @@ def test_a_wrong_study_writes_nothing(run_folder: Path, tmp_path: Path) -> None:
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == kept
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_no_partial_file_and_can_be_finished(small: Path, small_run: Path, tmp_path: Path) -> None:
     """Each run finds what the one before it left; the last one differs from an undisturbed one in its provenance."""
     folder = tmp_path / "killed"

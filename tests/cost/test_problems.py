@@ -131,7 +131,7 @@ def test_diffraction_models_are_measured_where_the_disparity_error_is_derived(pa
             "scene.picture": picture,
         }
     )
-    found = rows(study.cost(budget=8.0))
+    found = rows(study.cost(budget=4.0))
     assert set(found) == {f"{law}, noise alone" for law in (*LAWS[:-1], "every effect")}
     assert sum(row["chosen"] for row in found.values()) == 1
     camera = study.prepared.case.cameras["pair"]
@@ -153,7 +153,7 @@ def test_models_and_tolerances_of_a_light_spot_are_measured() -> None:
         "light_spot.detector.pixels=23", "accuracy.tolerance=10 %", "readings=null", "claims=null", "point_spread=null",
     )  # fmt: skip
     study = api.load(ROOT / "studies" / "light_spot.yaml", small)
-    found = study.cost(budget=8.0)
+    found = study.cost(budget=4.0)
     errors = {models: row["relative_error"] for models, row in rows(found).items()}
     assert any(models.startswith("Kirchhoff to") for models in errors)
     assert max(errors, key=lambda models: errors[models]).startswith("Paraxial rays")

@@ -90,7 +90,7 @@ def test_yaw_that_equals_the_r5_at_half_a_metre(headline: Study, headline_result
         {
             "stereo-65-across.calibration.errors.yaw.standard_deviation": f"{solved!r} rad",
             "effects.calibration": "exact",  # as the readings of the whole study call for
-            "scene.distances.points": 10,
+            "scene.distances.points": 5,
             **ALONE,
         }
     ).run()

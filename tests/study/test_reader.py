@@ -500,9 +500,7 @@ def mutated(draw: st.DrawFn) -> bytes:
 
 
 @given(content=mutated())
-@settings(
-    max_examples=100, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=50, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_mutated_study_is_valid_or_refused_with_a_reason(content: bytes, tmp_path: Path) -> None:
     study = tmp_path / "study.yaml"
     if not (tmp_path / "cameras").exists():

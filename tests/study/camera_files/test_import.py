@@ -418,6 +418,7 @@ def test_corners_of_a_wide_lens_are_fitted_with_the_declared_lens_model(tmp_path
 
 def test_corners_that_scatter_more_than_any_detector_cause_a_warning(tmp_path: Path) -> None:
     head, *rows = simulate_corners.FILE.read_text().splitlines()
+    rows = [row for row in rows if int(row.split(",")[0]) % 3 == 0]
     table = np.array([row.split(",") for row in rows], dtype=float)
     table[:, 4:] += 0.8 * np.random.default_rng(0).standard_normal(table[:, 4:].shape)
     np.savetxt(
@@ -426,7 +427,7 @@ def test_corners_that_scatter_more_than_any_detector_cause_a_warning(tmp_path: P
     loaded = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
     (warning,) = [str(one) for one in loaded.warnings if "scatter" in str(one)]
     assert re.search(r"cameras\.rig\.from: .* scatter by 0\.8\d? px.* rational with k1 k2", warning)
-    (tmp_path / "corners.csv").write_bytes(simulate_corners.FILE.read_bytes())
+    (tmp_path / "corners.csv").write_text("\n".join([head, *rows]) + "\n")
     quiet = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
     assert not any("scatter" in str(one) or "principal point" in str(one) for one in quiet.warnings)
     large = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [2048, 2048]}"))

@@ -12,6 +12,7 @@ from tests.study.camera_files.test_import import refusal
 from tests.study.camera_files.written import study
 
 
+@pytest.mark.slow
 def test_mutated_files_are_read_or_refused_with_a_message(tmp_path: Path) -> None:
     found = campaign(tmp_path, inputs=5, seed=7, keep=lambda *_: None)
     assert len(found) == 12 + len(everybody.RAW) + len(everybody.RECTIFIED)
