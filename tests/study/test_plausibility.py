@@ -247,6 +247,7 @@ def test_an_assumed_pixel_pitch_is_warned_about_only_where_blur_depends_on_it(tm
     assert "cameras.rig.from: " in reported
     assert "pixel_pitch" in reported
     assert warnings(IMPORTING, "rig.sensor.pixel_pitch=3 um") == ()
+    assert warnings(IMPORTING, "rig.focus_distance=autofocus") == ()
     assert warnings(IMPORTING.replace("blur: 2 px", "relative_uncertainty: 50 %")) == ()
     assert len(warnings(IMPORTING.replace("    lenses: {f_number: 4}\n", ""))) == 1  # the default f-number blurs too
     assert warnings(IMPORTING.replace("    focus_distance: 0.6 m\n", "")) == ()  # refocused at each distance

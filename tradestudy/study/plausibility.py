@@ -394,7 +394,7 @@ def _assumed_pitches(study: PreparedStudy) -> Iterator[Problem]:
         if not isinstance(pitch, ScalarEntry) or NOMINAL_PITCH not in str(pitch.annotation and pitch.annotation.note):
             continue
         derived = isinstance(camera, DepthCameraDeclaration) and camera.depth.declared_error_px is None
-        refocused = study.document.entry((*inside, "focus_distance")) is None  # and so never blurred
+        refocused = getattr(camera, "focus_distance", "autofocus") == "autofocus"  # and so never blurred
         if derived or (study.file.usable_range.blur is not None and not refocused):
             path = (*inside, "from")
             what = f"the file gives no pixel pitch; {pitch.text} is assumed, but blur and diffraction depend on it"
