@@ -19,7 +19,7 @@ from tests.calibration.cameras import focused, normal, stereo
 from tradestudy.answers.cost_measuring import forget
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.depth.draws import SCRAMBLES, _of_draws, outcome_model, settled_draws, uncertain_sources
+from tradestudy.depth.draws import SCRAMBLES, _of_draws, inverse_depth_model, settled_draws, uncertain_sources
 from tradestudy.depth.evaluation import distribution
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.sources import ErrorClass
@@ -83,7 +83,7 @@ def report(name: str, camera: DepthCamera) -> None:
         return scramble_scores(sources.dimensions, each, seed=0, point="depth", scramble=scramble)
 
     drawn = sources.draw(scores(0))
-    model = outcome_model(camera, PLACE)
+    model = inverse_depth_model(camera, PLACE)
     for what, task in {
         "scores": lambda: scores(0),
         "scores and errors": lambda: sources.draw(scores(0)),

@@ -94,6 +94,14 @@ def test_a_constant_output_converges_at_once(value: float) -> None:
     assert found.low[0] == pytest.approx(value, rel=1e-15)
 
 
+@pytest.mark.parametrize("scale", [1e-130, 1e130, 0.0])
+def test_outputs_of_any_scale_with_squares_have_their_standard_deviation(scale: float) -> None:
+    found = propagate_through(lambda x, y: scale * (x + y), [UNIT, UNIT])
+    assert found.converged
+    assert found.standard_deviation == pytest.approx(np.sqrt(2.0) * scale, rel=0.01)
+    assert found.half_width[0] == pytest.approx(np.sqrt(2.0) * scale, rel=0.01)
+
+
 def test_too_few_draws_are_refused_and_a_missed_tolerance_is_reported() -> None:
     with pytest.raises(OutOfRangeError, match=r"coverage of 0\.999999: 32768 .allowed: at least 536870912"):
         propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.5, 0.999999], tolerance=1e-4, most_draws=2**15)
@@ -140,6 +148,11 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
         ({"function": lambda x, **_: np.zeros((x.size, 0))}, "no values"),
         ({"function": lambda x, **_: np.where(x < 0.5, x, np.nan)}, r"non-finite values: \d+ of \d+"),
         ({"function": lambda x, **_: np.sqrt(x)}, "non-finite"),
+        (
+            {"function": lambda x, y, **_: 1e200 * (x + y)},
+            r"squares.*up to \d\S*e\+200 .*1e-140 to 1e\+140.*another unit",
+        ),
+        ({"function": lambda x, y, **_: 1e-200 * (x + y)}, r"squares.*up to \d\S*e-200 .*1e-140"),
         ({"function": lambda x, **_: x[:3]}, r"\(3,\) \(allowed: \(\d+,\)\)"),
         ({"function": lambda x, **_: pint.Quantity(x, "mm")}, r"returned a quantity.*'millimeter'\)> .*\.magnitude"),
         ({"function": lambda x, **_: xr.DataArray(pint.Quantity(x, "mm"))}, "returned a quantity"),

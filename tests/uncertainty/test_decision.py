@@ -8,7 +8,6 @@ from tradestudy.uncertainty.decision import (
     rank_probability,
 )
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
 DRAWS = {"draws": 2**11, "replicates": 8, "seed": 0, "point": "decision"}
@@ -25,7 +24,7 @@ def sources(**deviations):
 
 def error_of(name, truth, gain=1.0):
     """A model whose depth error is exactly gain × the named source."""
-    return lambda v: Outcome(values=1.0 / (truth + gain * v[name]))
+    return lambda v: 1.0 / (truth + gain * v[name])
 
 
 def test_rank_probability_of_two_normal_errors_has_its_closed_form():
@@ -53,21 +52,21 @@ def test_failures_and_infinities_lose_and_two_of_them_rank_neither():
     truth = np.array([1.0])
 
     def failing(v):
-        return Outcome(values=1.0 + 0.0 * v["a"], no_overlap=v["a"] > 0.0)
+        return np.where(v["a"] > 0.0, np.nan, 1.0)
 
     def infinite(v):
-        return Outcome(values=np.where(v["b"] > 0.0, -1.0, 0.9) + 0.0 * v["b"])
+        return np.where(v["b"] > 0.0, -1.0, 0.9) + 0.0 * v["b"]
 
     mine = rank_probability(failing, infinite, sources(a=1.0, b=1.0), truth, **DRAWS)
     np.testing.assert_allclose([mine.first[0], mine.second[0], mine.neither[0]], [0.5, 0.25, 0.25], atol=5e-3)
 
 
 def stereo(distance):
-    return lambda v: Outcome(values=1.0 / distance + v["yaw"] / 0.1)
+    return lambda v: 1.0 / distance + v["yaw"] / 0.1
 
 
 def plenoptic(distance):
-    return lambda v: Outcome(values=1.0 / distance + v["z"] / 12.5e-3**2)
+    return lambda v: 1.0 / distance + v["z"] / 12.5e-3**2
 
 
 def test_impossible_draws_are_refused():
@@ -78,7 +77,7 @@ def test_impossible_draws_are_refused():
 def test_rank_probability_with_a_bias_agrees_with_direct_integration():
     truth, bias = np.array([2.0]), 0.015
     mine = rank_probability(
-        lambda v: Outcome(values=1.0 / (truth + bias + v["a"])),
+        lambda v: 1.0 / (truth + bias + v["a"]),
         error_of("b", truth),
         sources(a=0.01, b=0.02),
         truth,

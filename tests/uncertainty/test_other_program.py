@@ -7,8 +7,6 @@ import warnings
 import numpy as np
 
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.propagation import Sampling
 from tradestudy.uncertainty.sensitivity import sobol_indices
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
@@ -36,7 +34,7 @@ def test_indices_of_stereo_depth_are_those_of_another_program() -> None:
     drawn = sample.sample(problem, 2**13, calc_second_order=False, seed=5)
     theirs = analyse.analyze(problem, depth(*drawn.T), calc_second_order=False, seed=5)
     ours = sobol_indices(
-        lambda v: Outcome(values=depth(v["baseline"], v["focal_length"], v["disparity"])),
+        lambda v: depth(v["baseline"], v["focal_length"], v["disparity"]),
         Sources(
             groups=tuple(
                 Source(
@@ -47,7 +45,6 @@ def test_indices_of_stereo_depth_are_those_of_another_program() -> None:
                 for name, deviation in DEVIATIONS.items()
             )
         ),
-        Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14),
         draws=2**13,
         seed=0,
         point="salib",

@@ -6,7 +6,6 @@ import mpmath
 import numpy as np
 import pytest
 from scipy import integrate
-from scipy.special import ndtri
 
 from tests.uncertainty.published_cases import (
     ISHIGAMI,
@@ -19,73 +18,63 @@ from tests.uncertainty.published_cases import (
     SUM_WITH_A_DOMINANT_UNIFORM,
     NormalInput,
 )
-from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.propagation import Sampling, linear, propagate
+from tradestudy.uncertainty import Normal, StudentT, Uniform, propagate_through
 from tradestudy.uncertainty.sensitivity import sobol_indices
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
-SAMPLING = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**17)
+REPLICATES = 16  # of `propagate_through`, whose draws follow one another
 
 
-def sources_of(case):
-    def distribution(given):
-        if isinstance(given, NormalInput):
-            return Normal(mean=given.mean, standard_deviation=given.standard_deviation)
-        return Uniform(low=given.low, high=given.high)
-
-    return Sources(
-        groups=tuple(
-            Source(name=given.name, distribution=distribution(given), error_class=ErrorClass.RIG)
-            for given in case.inputs
-        )
-    )
-
-
-def model_of(case):
-    return lambda inputs: Outcome(values=case.model(inputs))
+def inputs_of(case):
+    return {
+        given.name: Normal(mean=given.mean, standard_deviation=given.standard_deviation)
+        if isinstance(given, NormalInput)
+        else Uniform(low=given.low, high=given.high)
+        for given in case.inputs
+    }
 
 
 @pytest.fixture(scope="module")
 def propagated():
     return {
-        case.name: propagate(model_of(case), sources_of(case), SAMPLING, seed=0, point=case.name, inverse_depth=False)
+        case.name: propagate_through(
+            lambda case=case, **inputs: case.model(inputs), inputs_of(case), coverage=0.95, tolerance=1e-3
+        )
         for case in PROPAGATION_CASES
     }
 
 
+def moments(found):
+    """Mean and standard deviation of the draws, each with its standard error from the scatter of the replicates."""
+    replicates = found.values.reshape(REPLICATES, -1)
+    errors = [np.std(each, ddof=1) / np.sqrt(REPLICATES) for each in (replicates.mean(axis=1), replicates.std(axis=1))]
+    return (found.values.mean(), errors[0]), (found.standard_deviation, errors[1])
+
+
 @pytest.mark.parametrize("case", PROPAGATION_CASES, ids=lambda case: case.name)
-def test_monte_carlo_agrees_with_the_published_numbers(case, propagated):
-    mine, printed = propagated[case.name], case.monte_carlo
-    assert mine.mean[0] == pytest.approx(printed.estimate, abs=printed.rounding + 3.0 * mine.mean_error[0])
-    deviation, error = mine.standard_deviation[0], mine.standard_deviation_error[0]
-    assert deviation == pytest.approx(printed.standard_uncertainty, abs=printed.rounding + 3.0 * error)
+def test_propagation_agrees_with_the_published_numbers(case, propagated):
+    found, printed = propagated[case.name], case.printed
+    (mean, mean_error), (deviation, deviation_error) = moments(found)
+    assert found.converged
+    assert mean == pytest.approx(printed.estimate, abs=printed.rounding + 3.0 * mean_error)
+    assert deviation == pytest.approx(printed.standard_uncertainty, abs=printed.rounding + 3.0 * deviation_error)
+    assert max(mean_error, deviation_error) < 1e-3 * deviation
     if case.shortest:  # printed, but not computed here
         return
-    ends, errors = mine.quantiles[[0, 4], 0], mine.quantiles_error[[0, 4], 0]
-    assert np.all(np.abs(ends - printed.interval) <= printed.interval_rounding + 3.0 * errors)
-
-
-@pytest.mark.parametrize("case", PROPAGATION_CASES, ids=lambda case: case.name)
-def test_linear_propagation_agrees_with_the_published_numbers(case):
-    mine, printed = linear(model_of(case), sources_of(case)), case.linear
-    assert mine.estimate[0] == pytest.approx(printed.estimate, abs=printed.rounding)
-    assert mine.standard_uncertainty[0] == pytest.approx(printed.standard_uncertainty, abs=printed.rounding)
-    if printed.interval is not None:
-        ends = mine.estimate[0] + np.array([-1.0, 1.0]) * ndtri(0.975) * mine.standard_uncertainty[0]
-        np.testing.assert_allclose(ends, printed.interval, atol=printed.interval_rounding)
+    ends = np.array([found.low[0], found.high[0]])
+    assert np.all(np.abs(ends - printed.interval) <= printed.interval_rounding + 3.0 * found.error[0])
 
 
 @pytest.mark.parametrize(
     "case", [c for c in PROPAGATION_CASES if c.exact_interval and not c.shortest], ids=lambda case: case.name
 )
 def test_intervals_agree_with_closed_forms(case, propagated):
-    mine = propagated[case.name]
-    ends, errors = mine.quantiles[[0, 4], 0], mine.quantiles_error[[0, 4], 0]
+    found = propagated[case.name]
+    ends = np.array([found.low[0], found.high[0]])
     # The rank of a quantile in n draws is only known to 1/n.
-    grain = 2.0 / 2**14 / 0.95 * np.ptp(ends)
-    assert np.all(errors < 8e-3)  # plain draws: 0.015
-    assert np.all(np.abs(ends - case.exact_interval) <= 4.0 * errors + grain)
+    grain = 2.0 * REPLICATES / found.draws / 0.95 * np.ptp(ends)
+    assert found.error[0] < 4e-3  # plain draws: 0.015
+    assert np.all(np.abs(ends - case.exact_interval) <= 4.0 * found.error[0] + grain)
 
 
 def sum_of_uniforms_cumulative(half_widths, x):
@@ -103,14 +92,15 @@ def test_the_dominant_rectangle_has_its_exact_interval(propagated):
     with mpmath.workdps(30):
         halves = [mpmath.sqrt(3)] * 3 + [10 * mpmath.sqrt(3)]
         exact = float(mpmath.findroot(lambda x: sum_of_uniforms_cumulative(halves, x) - mpmath.mpf("0.975"), 16.5))
-    mine = propagated[SUM_WITH_A_DOMINANT_UNIFORM.name]
-    assert mine.quantiles[4, 0] == pytest.approx(exact, abs=3.0 * mine.quantiles_error[4, 0] + 1e-4)
-    assert mine.quantiles_error[4, 0] < 1e-2
+    found = propagated[SUM_WITH_A_DOMINANT_UNIFORM.name]
+    assert found.high[0] == pytest.approx(exact, abs=3.0 * found.error[0] + 1e-4)
+    assert found.low[0] == pytest.approx(-exact, abs=3.0 * found.error[0] + 1e-4)
+    assert found.error[0] < 1e-2
 
 
 def test_the_mass_agrees_with_direct_integration(propagated):
     """Given the buoyancy, the mass is normal: three rectangles are integrated by Gauss-Legendre."""
-    mine = propagated[MASS_CALIBRATION.name]
+    (found_mean, mean_error), (found_deviation, deviation_error) = moments(propagated[MASS_CALIBRATION.name])
     nodes, weights = np.polynomial.legendre.leggauss(24)
     air, weight, reference = np.meshgrid(0.1 * nodes, 8000 + 1000 * nodes, 8000 + 50 * nodes, indexing="ij")
     share = np.einsum("i,j,k->ijk", weights, weights, weights) / 8.0
@@ -118,29 +108,23 @@ def test_the_mass_agrees_with_direct_integration(propagated):
     centre = 1.234 + 100001.234 * buoyancy
     mean = np.sum(share * centre)
     variance = np.sum(share * ((centre - mean) ** 2 + (0.05**2 + 0.02**2) * (1 + buoyancy) ** 2))
-    assert mine.mean[0] == pytest.approx(mean, abs=3.0 * mine.mean_error[0])
-    assert mine.standard_deviation[0] == pytest.approx(
-        np.sqrt(variance), abs=3.0 * mine.standard_deviation_error[0] + 1e-6
-    )
+    assert found_mean == pytest.approx(mean, abs=3.0 * mean_error)
+    assert found_deviation == pytest.approx(np.sqrt(variance), abs=3.0 * deviation_error + 1e-6)
 
 
 def test_the_logarithm_has_its_exact_moments(propagated):
-    mine = propagated[LOGARITHM.name]
+    (found_mean, mean_error), (found_deviation, _) = moments(propagated[LOGARITHM.name])
     mean = integrate.quad(np.log, 0.1, 1.1)[0]
     square = integrate.quad(lambda x: (np.log(x) - mean) ** 2, 0.1, 1.1)[0]
-    assert mine.mean[0] == pytest.approx(mean, abs=3.0 * mine.mean_error[0] + 1e-7)
-    assert mine.standard_deviation[0] == pytest.approx(np.sqrt(square), abs=1e-4)
+    assert found_mean == pytest.approx(mean, abs=3.0 * mean_error + 1e-7)
+    assert found_deviation == pytest.approx(np.sqrt(square), abs=1e-4)
 
 
 def test_the_ishigami_function_has_its_published_indices():
-    mine = sobol_indices(
-        model_of(ISHIGAMI),
-        sources_of(ISHIGAMI),
-        Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**20),
-        draws=2**13,
-        seed=0,
-        point="ishigami",
+    groups = (
+        Source(name=name, distribution=given, error_class=ErrorClass.RIG) for name, given in inputs_of(ISHIGAMI).items()
     )
+    mine = sobol_indices(ISHIGAMI.model, Sources(groups=tuple(groups)), draws=2**13, seed=0, point="ishigami")
     assert mine.names == ("x1", "x2", "x3")
     assert np.max(mine.first_error) < 3e-3
     assert np.max(mine.total_error) < 3e-3
@@ -149,27 +133,23 @@ def test_the_ishigami_function_has_its_published_indices():
 
 
 def test_stereo_with_a_normal_yaw_has_its_closed_form():
-    yaw = Source(
-        name="yaw",
-        distribution=Normal(mean=0.0, standard_deviation=STEREO_YAW.yaw_standard_deviation),
-        error_class=ErrorClass.SESSION,
-    )
-    mine = propagate(
-        lambda inputs: Outcome(values=STEREO_YAW.inverse_depth(inputs["yaw"])),
-        Sources(groups=(yaw,)),
-        Sampling(absolute_tolerance=2e-3, relative_tolerance=0.0, budget_draws=2**20),
-        seed=0,
-        point="stereo",
-        inverse_depth=True,
-    )
-    assert mine.status[0] == "converged"
-    for probability, printed in STEREO_YAW_PRINTED.items():
+    """The inverse depth is finite where depth is infinite; the quantiles of one are the reciprocals of the other's."""
+    yaw = Normal(mean=0.0, standard_deviation=STEREO_YAW.yaw_standard_deviation)
+    found = propagate_through(STEREO_YAW.inverse_depth, {"yaw": yaw}, coverage=0.95, tolerance=2.5e-5)
+    assert found.converged
+    for probability, inverse in ((0.025, found.high[0]), (0.5, found.median), (0.975, found.low[0])):
         closed = float(STEREO_YAW.depth_quantile(probability))
-        assert closed == pytest.approx(printed, rel=2.5e-4)
-        row = (0.025, 0.16, 0.5, 0.84, 0.975).index(probability)
-        error = mine.quantiles_error[row, 0]
-        assert mine.quantiles[row, 0] == pytest.approx(closed, abs=3.0 * error)
+        assert closed == pytest.approx(STEREO_YAW_PRINTED[probability], rel=2.5e-4)
+        error = found.error[0] * closed**2
+        assert 1.0 / inverse == pytest.approx(closed, abs=3.0 * error)
         assert error < 1e-3
     beyond = STEREO_YAW.probability_beyond_infinity
     assert beyond == pytest.approx(STEREO_YAW_BEYOND_INFINITY_PRINTED, rel=3e-3)
-    assert np.isnan([mine.mean[0], mine.standard_deviation[0]]).all()
+    assert np.mean(found.values <= 0.0) == pytest.approx(beyond, rel=1e-2)
+
+
+def test_an_input_without_a_variance_has_the_interval_of_every_table_of_t():
+    t = StudentT(location=0.0, scale=1.0, degrees_of_freedom=2.0)
+    found = propagate_through(lambda x: x, {"x": t}, coverage=0.95)
+    assert found.high[0] == pytest.approx(4.302653, abs=3.0 * found.error[0])
+    assert found.error[0] < 0.02

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tradestudy.uncertainty.outputs import order_quantile, quantiles_of, valley_quantile
+from tradestudy.uncertainty.outputs import order_quantile, quantiles_of, ranked_quantiles, valley_quantile
 
 WATCHED = (0.025, 0.1586552539314570, 0.5, 0.8413447460685429, 0.975)
 
@@ -53,3 +53,22 @@ def test_a_quantile_next_to_infinity_is_infinite():
     values = np.array([[np.inf, 3.0, 1.0, 2.0]])
     # Positions (k − 1/2)/4: 0.625 is the third draw itself, anything above leans on the infinite one.
     np.testing.assert_array_equal(quantiles_of(values, (0.625, 0.626, 1.0))[:, 0], [3.0, np.inf, np.inf])
+
+
+def test_order_quantiles_are_the_middle_of_their_share():
+    ascending = np.array([1.0, 2.0, 4.0, np.inf])
+    assert order_quantile(ascending, 0.125) == 1.0
+    assert order_quantile(ascending, 0.25) == 1.5
+    assert order_quantile(ascending, 0.625) == 4.0
+    assert order_quantile(ascending, 0.7) == np.inf
+    assert order_quantile(ascending, 0.001) == 1.0
+
+
+def test_ranked_quantiles_are_those_of_the_draws_that_have_a_rank():
+    values = rows("normal", 5001)
+    values[1, ::3] = np.nan
+    values[2] = np.nan
+    found = ranked_quantiles(np.sort(values, axis=1), np.array(WATCHED))
+    np.testing.assert_array_equal(found[:, 0], order_quantile(np.sort(values[0]), WATCHED))
+    np.testing.assert_array_equal(found[:, 1], order_quantile(np.sort(values[1][~np.isnan(values[1])]), WATCHED))
+    assert np.all(np.isnan(found[:, 2]))

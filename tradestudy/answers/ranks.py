@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -11,14 +11,14 @@ import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import SESSION_PARAMETERS
-from tradestudy.depth.draws import outcome_model, uncertain_groups
+from tradestudy.depth.draws import inverse_depth_model, uncertain_groups
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.prepared import PreparedStudy
 from tradestudy.uncertainty.decision import RankProbability, rank_probability
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.evaluation import Model, Outcome
+from tradestudy.uncertainty.evaluation import Model
 from tradestudy.uncertainty.sources import ErrorClass, Group, Source, Sources
 
 RANK_ERROR_SOURCES: Final = ("calibration", "both")
@@ -89,15 +89,15 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, error_so
 def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:
     """The depth measurement of one of two cameras, whose own parameters have a prefix."""
     names = [parameter for group in groups for parameter in group.parameters]
-    alone = outcome_model(camera, distance)
+    alone = inverse_depth_model(camera, distance)
 
-    def evaluate(values: Mapping[str, FloatArray]) -> Outcome:
+    def evaluate(values: Mapping[str, FloatArray]) -> FloatArray:
         own_values = {name: values[prefix + name] if prefix + name in values else values[name] for name in names}
-        outcome = alone(own_values)
+        inverse = alone(own_values)
         if own_values:
-            return outcome
+            return inverse
         draws = len(next(iter(values.values())))  # only the other camera has draws; this one reads the same in each
-        return replace(outcome, values=np.repeat(outcome.values, draws, axis=0))
+        return np.repeat(inverse, draws, axis=0)
 
     return evaluate
 

@@ -11,20 +11,16 @@ import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_measurement import CORNERS, PicturePlace, towards_corners
-from tradestudy.depth.draws import outcome_model, uncertain_groups, uncertain_sources
+from tradestudy.depth.draws import inverse_depth_model, uncertain_groups, uncertain_sources
 from tradestudy.depth.evaluation import distribution
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.prepared import PreparedStudy
-from tradestudy.uncertainty.propagation import Sampling
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
 
-# Readers need bars and shares to two digits.
-_ACCURACY = 0.01
-_TORNADO_BUDGET = 2**14
-_SOBOL_DRAWS = 2**9
+_SOBOL_DRAWS = 2**9  # readers need shares to two digits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,28 +62,24 @@ def sensitivity_of(name: str, camera: DepthCamera, distance: FloatArray, field: 
     """
     corner = _least_certain_corner(camera, distance, field) if field else ""
     place = dict(zip(CORNERS, towards_corners(field), strict=True))[corner] if corner else 0.0
-    model, sources = outcome_model(camera, distance, place), uncertain_sources(camera, "both")
+    model, sources = inverse_depth_model(camera, distance, place), uncertain_sources(camera, "both")
     seed = camera.propagation.seed
-    sampling = Sampling(
-        absolute_tolerance=0.0,
-        relative_tolerance=_ACCURACY,
-        budget_draws=_TORNADO_BUDGET,
-        # As many draws as keep a batch within 2¹⁴ depths, but no fewer than 2⁸.
-        batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
-        memory_bytes=2**28,
-    )
+    # As many draws as keep a batch within 2¹⁴ depths, but no fewer than 2⁸.
+    batch = max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length())
     point = f"{name}/{field:g}/sensitivity"
-    groups = tornado(model, sources, sampling, seed=seed, point=point, inverse_depth=True)
+    groups = tornado(model, sources, seed=seed, point=point, inverse_depth=True, batch_draws=batch)
     parameters, refused = None, ""
     try:
         parameters = parameter_tornado(
-            model, sources, sampling, seed=seed, point=f"{point}/parameter", inverse_depth=True
+            model, sources, seed=seed, point=f"{point}/parameter", inverse_depth=True, batch_draws=batch
         )
     except OutOfRangeError as error:
         refused = str(error)
     indices, no_indices = None, ""
     try:
-        indices = sobol_indices(model, sources, sampling, draws=_SOBOL_DRAWS, seed=seed, point=f"{point}/sobol")
+        indices = sobol_indices(
+            model, sources, draws=_SOBOL_DRAWS, seed=seed, point=f"{point}/sobol", batch_draws=batch
+        )
     except OutOfRangeError as error:
         no_indices = str(error)
     return CameraSensitivity(
@@ -138,9 +130,8 @@ def sensitivity_group(study: PreparedStudy, distance: FloatArray, steps: Steps) 
                 ("parameter", by_parameter, parameters, analysis.parameters),
             ):
                 if alone is not None:
-                    errors = np.stack([bar.half_width_error for bar in alone.bars])
                     _fill(into[f"{kind}_uncertainty"][i, j], columns, alone.names, alone.half_width)
-                    _fill(into[f"{kind}_uncertainty_error"][i, j], columns, alone.names, errors)
+                    _fill(into[f"{kind}_uncertainty_error"][i, j], columns, alone.names, alone.half_width_error)
             refused[i, j] = analysis.no_indices if analysis.indices is None else analysis.indices.refused
             if analysis.indices is not None:
                 for order, suffix in itertools.product(("first", "total"), ("", "_error")):

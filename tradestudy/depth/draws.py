@@ -19,9 +19,9 @@ from tradestudy.depth.distribution import FARTHEST_SCORE, DepthDistribution, sha
 from tradestudy.depth.remembered import remembered
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
-from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
+from tradestudy.uncertainty.evaluation import Model, ScoreAlignment, alignment_with, depth_from_inverse
 from tradestudy.uncertainty.joint import JointDraws
-from tradestudy.uncertainty.outputs import order_quantile, quantiles_of, valley_quantile
+from tradestudy.uncertainty.outputs import order_quantile, quantiles_of, ranked_quantiles, valley_quantile
 from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Group, Source, Sources
 from tradestudy.uncertainty.streams import each_scramble, scramble_scores
 
@@ -305,16 +305,16 @@ def _places(camera: DepthCamera) -> FloatArray:
     return judged[[0, judged.size // 2, -1]]
 
 
-def outcome_model(
+def inverse_depth_model(
     camera: DepthCamera, distance: FloatArray, field: FieldPosition = 0.0, error_source: str = "both"
 ) -> Model:
-    """A model of the inverse depths at distances [m], in the form that `propagate` expects."""
+    """The inverse depths [1/m] at distances [m] as a function of the errors, NaN where a draw gives no depth."""
     fixed, noise = fixed_errors(camera, error_source), camera.noise(distance, field)
 
-    def model(values: Mapping[str, FloatArray]) -> Outcome:
+    def model(values: Mapping[str, FloatArray]) -> FloatArray:
         draws = len(next(iter(values.values()))) if values else 1
         inverse = read_draws(camera, {**fixed, **values}, distance, field, noise)
-        return Outcome(values=np.broadcast_to(inverse, (draws, distance.size)))
+        return np.broadcast_to(inverse, (draws, distance.size))
 
     return model
 
@@ -322,7 +322,8 @@ def outcome_model(
 @lru_cache(maxsize=64)
 def _alignment(camera: DepthCamera, error_source: str, field: FieldPosition) -> ScoreAlignment:
     return alignment_with(
-        [outcome_model(camera, _places(camera), field, error_source)], uncertain_sources(camera, error_source, field)
+        [inverse_depth_model(camera, _places(camera), field, error_source)],
+        uncertain_sources(camera, error_source, field),
     )
 
 
@@ -424,7 +425,7 @@ def _of_draws(
     within = Within(distance=distance, share=share_of_true_matches(false_matches))
     sampling = sampling_error(inverse, drivers, SCRAMBLES, upper, within)
     ascending = [np.sort(scramble, axis=1) for scramble in np.split(inverse, SCRAMBLES, axis=1)]
-    quantiles = np.stack([_ranked_quantiles(scramble, upper) for scramble in ascending])
+    quantiles = np.stack([ranked_quantiles(scramble, upper) for scramble in ascending])
     # Draws that give no depth are NaN, which is not positive either.
     counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
     failed = np.clip(counted - sampling.failed, 0.0, 1.0)
@@ -438,17 +439,6 @@ def _of_draws(
         counting_step=1.0 / (SCRAMBLES * draws),
         false_matches=false_matches,
     )
-
-
-def _ranked_quantiles(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
-    """Quantiles (probabilities, distances) of the sorted draws that give a depth; the others, NaN, are the last."""
-    missing = np.isnan(ascending).sum(axis=1)
-    quantiles = np.full((probabilities.size, len(ascending)), np.nan)
-    whole = missing == 0
-    quantiles[:, whole] = order_quantile(ascending[whole], probabilities)
-    for row in np.flatnonzero(~whole & (missing < ascending.shape[1])):
-        quantiles[:, row] = order_quantile(ascending[row, : -missing[row]], probabilities)
-    return quantiles
 
 
 @lru_cache(maxsize=1024)

@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.evaluation import Model, Outcome, Replicate, alignment_with
+from tradestudy.uncertainty.evaluation import Model, Replicate, alignment_with
 from tradestudy.uncertainty.inputs import Correlation, sources_of
 from tradestudy.uncertainty.outputs import order_quantile
 from tradestudy.wording import few
@@ -30,6 +30,7 @@ _CONFIDENCE: Final = 0.975
 # then at most two thirds of its standard error in a normal tail; of Sobol points, less.
 _BEYOND: Final = 10
 _ROUNDING: Final = 1e-14
+_MAGNITUDES: Final = (1e-140, 1e140)  # a double can represent their squares, summed over any number of draws
 
 Function = Callable[..., ArrayLike]
 
@@ -149,7 +150,8 @@ def propagate_through(
         An argument has the wrong type or a number is outside its range; ``most_draws`` is too small for the coverage; a
         correlation names an unknown or constant input, or contradicts another; a covariance names an input that is not
         given as a number; no joint distribution has these correlations; or the function returns an array of the wrong
-        shape, no values, or values that are not finite real numbers.
+        shape, no values, values that are not finite real numbers, or values so large or small that a double cannot
+        represent their squares.
 
     Examples
     --------
@@ -206,6 +208,7 @@ def propagate_through(
         for replicate in replicates:
             replicate.lengthen(draws, _BATCH)
         sorted_values = [np.sort(replicate.values, axis=-1) for replicate in replicates]
+        _require_squares(sorted_values)
         quantiles = np.stack([order_quantile(ascending, probabilities) for ascending in sorted_values])
         mean = quantiles.mean(axis=0)
         steps = np.mean([_steps(ascending, probabilities) for ascending in sorted_values], axis=0)
@@ -291,6 +294,22 @@ def _real_numbers(returned: ArrayLike) -> FloatArray:
     return array.astype(np.float64, copy=False)
 
 
+def _require_squares(ascending: Sequence[FloatArray]) -> None:
+    """Refuse outputs so small that their standard deviation would be zero."""
+    size = np.max([np.abs(values[:, [0, -1]]) for values in ascending], axis=(0, 2))
+    if np.any(beyond := (size > 0.0) & (size < _MAGNITUDES[0])):
+        raise _without_squares(size[beyond][0])
+
+
+def _without_squares(size: float) -> OutOfRangeError:
+    return OutOfRangeError(
+        "the function returned values whose squares a double cannot represent",
+        value=f"up to {size:.3g}",
+        limit=f"magnitudes from {_MAGNITUDES[0]:g} to {_MAGNITUDES[1]:g}, or 0",
+        remedy="return them in another unit",
+    )
+
+
 def _steps(ascending: FloatArray, probabilities: FloatArray) -> FloatArray:
     """Step at the edge of a discrete value around each quantile, else 0; shape (probabilities, outputs).
 
@@ -309,7 +328,7 @@ def _by_name(function: Function) -> Function:
 
 
 def _model(function: Function, shape: tuple[int, ...]) -> Model:
-    def model(values: Mapping[str, FloatArray]) -> Outcome:
+    def model(values: Mapping[str, FloatArray]) -> FloatArray:
         draws = max(column.size for column in values.values())
         arguments = {name: np.broadcast_to(column.ravel(), (draws,)) for name, column in values.items()}
         outputs = _real_numbers(function(**arguments))
@@ -326,6 +345,8 @@ def _model(function: Function, shape: tuple[int, ...]) -> Model:
                 value=f"{np.sum(~np.isfinite(outputs))} of {outputs.size}",
                 remedy="limit the distributions to inputs for which the function is defined",
             )
-        return Outcome(values=outputs.reshape(draws, -1))
+        if (largest := np.abs(outputs).max()) > _MAGNITUDES[1]:
+            raise _without_squares(largest)
+        return outputs.reshape(draws, -1)
 
     return model

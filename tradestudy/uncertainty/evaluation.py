@@ -1,4 +1,4 @@
-"""Evaluation of a model on draws: outcomes, failures by cause, and independent replicates."""
+"""Evaluation of a model on draws: ranked outputs, the alignment of draws, and independent replicates."""
 
 from __future__ import annotations
 
@@ -6,38 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 
-BoolArray = NDArray[np.bool_]
-
-CAUSES = ("nonfinite", "no_overlap", "out_of_range")
-"""Reasons why a draw has no rank: not a number, a point that the camera does not see, or an input out of range."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
-    """What a model returns for a batch of draws.
-
-    Parameters
-    ----------
-    values : array, shape (draws, outputs)
-        Results; +∞ has a rank, NaN and −∞ are failures.
-    no_overlap, out_of_range : bool array, broadcast to ``values``
-        Draws that have no result for this reason; their values are ignored.
-    """
-
-    values: FloatArray
-    no_overlap: BoolArray | bool = False
-    out_of_range: BoolArray | bool = False
-
-
-Model = Callable[[Mapping[str, FloatArray]], Outcome]
-"""Takes every parameter by name, shape (draws, 1), and returns an `Outcome` of shape (draws, outputs)."""
+Model = Callable[[Mapping[str, FloatArray]], FloatArray]
+"""Takes every parameter by name, shape (draws, 1), and returns the outputs, shape (draws, outputs); NaN for none."""
 
 
 def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
@@ -57,9 +33,12 @@ def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
     return depth
 
 
-def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Values (outputs, draws), NaN where a draw has no rank, and numbers of failures (causes, outputs)."""
-    values = np.asarray(outcome.values, float)
+def ranked(outputs: FloatArray, *, inverse_depth: bool, draws: int) -> FloatArray:
+    """Outputs of a model as (outputs, draws), or the depths of inverse depths; NaN where a draw has no rank.
+
+    An output of +∞ has the last rank, NaN and −∞ have none. An infinite inverse depth has none either.
+    """
+    values = np.asarray(outputs, float)
     if values.ndim != 2 or values.shape[0] != draws:
         raise OutOfRangeError(
             "a model returned an array of the wrong shape",
@@ -67,18 +46,11 @@ def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatA
             limit=f"({draws}, outputs)",
             remedy="make the parameters, each of shape (draws, 1), broadcast against the outputs",
         )
-    # Most batches have no failures and need no masks.
-    if np.all(np.isfinite(values)) and not np.any(outcome.no_overlap) and not np.any(outcome.out_of_range):
-        counts = np.zeros((len(CAUSES), values.shape[1]), np.int64)
-        return np.ascontiguousarray(depth_from_inverse(values).T if inverse_depth else values.T), counts
-    # Every failed draw counts once: under the first of these causes that applies.
-    out_of_range = np.broadcast_to(outcome.out_of_range, values.shape)
-    no_overlap = np.broadcast_to(outcome.no_overlap, values.shape) & ~out_of_range
-    nonfinite = np.isnan(values) | (values == -np.inf) | (inverse_depth & (values == np.inf))
-    nonfinite = nonfinite & ~out_of_range & ~no_overlap
-    counts = np.stack([np.sum(mask, axis=0) for mask in (nonfinite, no_overlap, out_of_range)])
-    values = np.where(nonfinite | no_overlap | out_of_range, np.nan, values)
-    return np.ascontiguousarray(depth_from_inverse(values).T if inverse_depth else values.T), counts
+    values = np.ascontiguousarray(values.T)
+    unranked = np.isinf(values) if inverse_depth else values == -np.inf
+    if np.any(unranked):
+        values = np.where(unranked, np.nan, values)
+    return depth_from_inverse(values) if inverse_depth else values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,7 +107,7 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
         return UNALIGNED
     scores = np.concatenate([np.eye(size), -np.eye(size)], axis=1)
     parameters = sources.draw(scores)
-    responses = np.concatenate([ranked(model(parameters), inverse_depth=False, draws=2 * size)[0] for model in models])
+    responses = np.concatenate([ranked(model(parameters), inverse_depth=False, draws=2 * size) for model in models])
     responses = responses[np.all(np.isfinite(responses), axis=1)]
     difference = responses[:, :size] - responses[:, size:]
     # Unit length makes outputs count alike: those at far distances would otherwise outweigh those at near ones.
@@ -197,8 +169,7 @@ class Replicate:
         self._alignment = alignment
         rng = point_generator(seed=seed, point=point, replicate=replicate)
         self._uniform = scrambled_sobol(sources.dimensions, rng)
-        self.values: FloatArray = np.empty((0, 0))
-        self.failures: NDArray[np.int64] = np.zeros((len(CAUSES), 0), np.int64)
+        self.values: FloatArray = np.empty((0, 0))  # (outputs, draws); NaN where a draw has no rank
 
     @property
     def draws(self) -> int:
@@ -209,15 +180,12 @@ class Replicate:
         """Evaluate up to this number of draws; the batch size affects memory and speed, but not results."""
         from scipy.special import ndtri  # imported here, so that checking a study does not load it
 
-        blocks, counts = [self.values] if self.draws else [], [self.failures] if self.draws else []
+        blocks = [self.values] if self.draws else []
         done = self.draws
         while done < draws:
             # Batches end at multiples of their size, so that a Sobol sequence always delivers whole blocks.
             size = min(batch_draws, draws - done)
             parameters = self._sources.draw(self._alignment.apply(ndtri(self._uniform(size))))
-            block, failed = ranked(self._model(parameters), inverse_depth=self._inverse_depth, draws=size)
-            blocks.append(block)
-            counts.append(failed)
+            blocks.append(ranked(self._model(parameters), inverse_depth=self._inverse_depth, draws=size))
             done += size
         self.values = np.concatenate(blocks, axis=1) if len(blocks) > 1 else blocks[0]
-        self.failures = np.sum(counts, axis=0)

@@ -8,57 +8,22 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.any_function import Spread, propagate_through
 from tradestudy.uncertainty.distributions import Empirical, Normal
-from tradestudy.uncertainty.evaluation import CAUSES, Model, Outcome
-from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.outputs import Propagated
-from tradestudy.uncertainty.propagation import Sampling, linear, propagate
+from tradestudy.uncertainty.evaluation import Model
 from tradestudy.uncertainty.sensitivity import sobol_indices
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.verification.case import Family, Law, NumericCase, OutcomeCase, Stated
 
-Response = Callable[[Mapping[str, FloatArray]], FloatArray]
-"""Parameters of shape (draws, 1) → outputs (draws, 1)."""
-
-
-_CONFIDENCE: Final = 6.0  # standard errors, from eight replicates
+_CONFIDENCE: Final = 6.0  # standard errors, from sixteen replicates
 _YAW = {"distance": 10.0, "baseline": 0.1, "yaw": math.radians(0.2)}
-_NAMES: Final = ("x", "y", "z")
-# A few thousand draws show what breaks; the bound of a case is the error that so many draws leave.
-_SAMPLING: Final = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**15, first_draws=2**12)
+_STANDARD_NORMAL: Final = Normal(mean=0.0, standard_deviation=1.0)
+_ONE_SIGMA: Final = float(2.0 * ndtr(1.0) - 1.0)  # coverage
 _SOBOL_DRAWS: Final = 2**9
-
-
-def _model(response: Response) -> Model:
-    return lambda values: Outcome(values=np.asarray(response(values)))
-
-
-def _joint(names: tuple[str, ...], means: FloatArray, covariance: FloatArray) -> Sources:
-    group = JointNormal(
-        name="inputs", parameters=names, mean=means, covariance=covariance, error_class=ErrorClass.MEASUREMENT
-    )
-    return Sources(groups=(group,))
-
-
-def _propagate(
-    response: Response, names: tuple[str, ...], means: FloatArray, covariance: FloatArray, *, inverse_depth: bool
-) -> tuple[Propagated, str]:
-    propagated = propagate(
-        _model(response),
-        _joint(names, means, covariance),
-        _SAMPLING,
-        seed=0,
-        point="hard case",
-        inverse_depth=inverse_depth,
-    )
-    failures = ", ".join(
-        f"{cause} {100.0 * share:g} %" for cause, share in zip(CAUSES, propagated.failed_fraction[:, 0], strict=True)
-    )
-    return propagated, f"status {propagated.status[0]}; failed draws: {failures}"
 
 
 def _normal(name: str, deviation: float) -> Source:
@@ -66,119 +31,96 @@ def _normal(name: str, deviation: float) -> Source:
     return Source(name=name, distribution=distribution, error_class=ErrorClass.MEASUREMENT)
 
 
-def _sobol(response: Response, names: tuple[str, ...], deviations: FloatArray) -> tuple[FloatArray, str]:
-    groups = tuple(_normal(name, float(deviation)) for name, deviation in zip(names, deviations, strict=True))
-    indices = sobol_indices(
-        _model(response), Sources(groups=groups), _SAMPLING, draws=_SOBOL_DRAWS, seed=0, point="hard case"
-    )
-    return indices.first[:, 0], indices.refused[0]
+def _sobol(model: Model, deviations: Mapping[str, float]) -> str:
+    groups = tuple(_normal(name, deviation) for name, deviation in deviations.items())
+    found = sobol_indices(model, Sources(groups=groups), draws=_SOBOL_DRAWS, seed=0, point="hard case")
+    return f"indices {found.first[:, 0]}, {found.refused[0]}"
 
 
-def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
+def _without_moments() -> tuple[NumericCase, ...]:
     """Stereo depth under a yaw error: its quantiles exist, its moments do not."""
 
-    def model(distance: float, baseline: float) -> Response:
-        return lambda values: 1.0 / distance + values["x"] / baseline
+    def inverse_depth(distance: float, baseline: float, yaw: float) -> Spread:
+        """Finite where depth is infinite; one is the reciprocal of the other."""
+        return propagate_through(
+            lambda turned: 1.0 / distance + turned / baseline,
+            {"turned": Normal(mean=0.0, standard_deviation=yaw)},
+            coverage=0.95,
+            tolerance=1e-3,
+        )
 
-    def propagated(distance: float, baseline: float, yaw: float) -> tuple[Propagated, str]:
-        return _propagate(model(distance, baseline), ("x",), np.zeros(1), np.array([[yaw**2]]), inverse_depth=True)
-
-    def quantile(index: int) -> Callable[..., Stated]:
+    def quantile(of: Callable[[Spread], float]) -> Callable[..., Stated]:
         def ours(distance: float, baseline: float, yaw: float) -> Stated:
-            result = propagated(distance, baseline, yaw)[0]
-            error = _CONFIDENCE * float(result.quantiles_error[index, 0])
-            return Stated(value=float(result.quantiles[index, 0]), error=error)
+            found = inverse_depth(distance, baseline, yaw)
+            depth = 1.0 / of(found)
+            # The error of the less certain end of the interval; the median, where more draws fall, has a smaller one.
+            return Stated(value=depth, error=_CONFIDENCE * float(found.error[0]) * depth**2)
 
         return ours
 
     def naive(probability: float) -> Callable[..., float]:
         return lambda distance, baseline, yaw: distance + float(ndtri(probability)) * distance**2 / baseline * yaw
 
-    def naive_spread() -> str:
-        depths = [1.0 / (0.1 + np.random.default_rng(seed).normal(0.0, _YAW["yaw"], 10_000) / 0.1) for seed in range(6)]
-        spreads = [float(np.std(draws)) for draws in depths]
-        return f"{min(spreads):.3g} to {max(spreads):.3g} m over six seeds"
-
-    def our_spread() -> str:
-        spread = float(propagated(**_YAW)[0].standard_deviation[0])
-        return "not stated: it does not exist" if math.isnan(spread) else f"{spread:.3g} m"
-
-    laws = (("2.5 %", 0, 0.025), ("50 %", 2, 0.5), ("97.5 %", 4, 0.975))
-    return (
-        *(
-            NumericCase(
-                name=f"{percent} quantile of a depth without moments",
-                law=Law(
-                    name=f"{percent} quantile of stereo depth",
-                    naive=naive(probability),
-                    ours=quantile(index),
-                    magnified=False,
-                ),
-                inputs=_YAW,
-            )
-            for percent, index, probability in laws
-        ),
-        OutcomeCase(
-            name="standard deviation of a depth without moments",
-            law="none is stated where none exists",
-            naive=naive_spread,
-            ours=our_spread,
-            expected=("not stated",),
-        ),
+    laws: tuple[tuple[str, float, Callable[[Spread], float]], ...] = (
+        ("2.5 %", 0.025, lambda found: float(found.high[0])),
+        ("50 %", 0.5, lambda found: float(found.median)),
+        ("97.5 %", 0.975, lambda found: float(found.low[0])),
+    )
+    return tuple(
+        NumericCase(
+            name=f"{percent} quantile of a depth without moments",
+            law=Law(
+                name=f"{percent} quantile of stereo depth",
+                naive=naive(probability),
+                ours=quantile(of),
+                magnified=False,
+            ),
+            inputs=_YAW,
+        )
+        for percent, probability, of in laws
     )
 
 
-def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
-    """Half width of a weighted sum of normal variables: by a Cholesky factor, and as this program propagates it."""
+def _weighted(weights: tuple[float, ...], covariance: FloatArray) -> float:
+    """Standard deviation of a weighted sum of normal variables, by a Cholesky factor."""
+    return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))
 
-    def naive(weights: tuple[float, ...], covariance: FloatArray) -> float:
-        return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))
 
-    def ours(weights: tuple[float, ...], covariance: FloatArray) -> Stated:
-        names, means = _NAMES[: len(weights)], np.zeros(len(weights))
-
-        def model(values: Mapping[str, FloatArray]) -> FloatArray:
-            return np.asarray(sum(w * values[name] for w, name in zip(weights, names, strict=True)))
-
-        if not monte_carlo:
-            exact = linear(_model(model), _joint(names, means, covariance))
-            return Stated(value=float(exact.standard_uncertainty[0]), error=math.nan)
-        result = _propagate(model, names, means, covariance, inverse_depth=False)[0]
-        error = _CONFIDENCE * float(result.half_width_error[0])
-        return Stated(value=float(result.half_width[0]), error=error)
-
-    return naive, ours
+def _weighted_by_draws(weights: tuple[float, ...], covariance: FloatArray) -> Stated:
+    """Half width of the central 68.27 % interval of the weighted sum."""
+    found = propagate_through(
+        lambda *values: np.asarray(sum(weight * value for weight, value in zip(weights, values, strict=True))),
+        [0.0] * len(weights),
+        covariance=covariance,
+        coverage=_ONE_SIGMA,
+        tolerance=1e-3,
+        most_draws=2**18,
+    )
+    return Stated(value=float(found.half_width[0]), error=_CONFIDENCE * float(found.error[0]))
 
 
 def _singular() -> tuple[NumericCase, ...]:
     """Correlations of ±1, and a covariance that is singular up to rounding."""
     plus, minus = ({"xx": 0.01, "xy": sign * 0.01, "yy": 0.01} for sign in (1.0, -1.0))
     dependent = {"xx": 0.01, "xy": 0.003, "yy": 0.09}
-    tiers = ((False, "linear"), (True, "Monte Carlo"))
 
-    def law(name: str, weights: tuple[float, ...], *, monte_carlo: bool, rank: str) -> Law:
-        naive, ours = _weighted(monte_carlo=monte_carlo)
-        build = _pair if rank == "pair" else _sum_as_third
+    def law(name: str, weights: tuple[float, ...]) -> Law:
+        build = _pair if len(weights) == 2 else _sum_as_third
         return Law(
             name=name,
-            naive=lambda **values: naive(weights, build(**values)),
-            ours=lambda **values: ours(weights, build(**values)),
+            naive=lambda **values: _weighted(weights, build(**values)),
+            ours=lambda **values: _weighted_by_draws(weights, build(**values)),
             magnified=False,
         )
 
     return tuple(
-        NumericCase(
-            name=f"{case}, {tier}",
-            law=law(name, weights, monte_carlo=sampled, rank=rank),
-            inputs=values,
-        )
-        for sampled, tier in tiers
-        for case, name, weights, rank, values in (
-            ("x − y at correlation +1", "u(x − y), error relative to u(x)", (1.0, -1.0), "pair", plus),
-            ("x + y at correlation −1", "u(x + y), error relative to u(x)", (1.0, 1.0), "pair", minus),
-            ("x + y at correlation +1", "u(x + y)", (1.0, 1.0), "pair", plus),
-            ("x + y + z with z = x + y", "u(x + y + z)", (1.0, 1.0, 1.0), "three", dependent),
-            ("x + y − z with z = x + y", "u(x + y − z), error relative to u(x)", (1.0, 1.0, -1.0), "three", dependent),
+        NumericCase(name=f"{case}, Monte Carlo", law=law(name, weights), inputs=values)
+        for case, name, weights, values in (
+            ("x − y at correlation +1", "u(x − y), error relative to u(x)", (1.0, -1.0), plus),
+            ("x + y at correlation −1", "u(x + y), error relative to u(x)", (1.0, 1.0), minus),
+            ("x + y at correlation +1", "u(x + y)", (1.0, 1.0), plus),
+            ("x + y + z with z = x + y", "u(x + y + z)", (1.0, 1.0, 1.0), dependent),
+            ("x + y − z with z = x + y", "u(x + y − z), error relative to u(x)", (1.0, 1.0, -1.0), dependent),
         )
     )
 
@@ -201,22 +143,15 @@ def _scales() -> tuple[OutcomeCase, ...]:
 
     def ours(scale: float) -> Callable[[], str]:
         def answer() -> str:
-            result = _propagate(
-                lambda values: scale * values["x"], ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
-            )[0]
-            return f"half width {float(result.half_width[0]):.3g} ± {float(result.half_width_error[0]):.3g}"
+            found = propagate_through(lambda x: scale * x, {"x": _STANDARD_NORMAL})
+            return f"standard deviation {float(found.standard_deviation):.3g}"
 
         return lambda: _answer(answer)
 
     def of_input(scale: float) -> Callable[[], str]:
-        def answer() -> str:
-            sources = Sources(groups=(_normal("x", scale),))
-            result = linear(_model(lambda values: values["x"]), sources)
-            return f"standard uncertainty {float(result.standard_uncertainty[0]):g}"
+        return lambda: _answer(lambda: _sobol(lambda values: values["x"], {"x": scale}))
 
-        return lambda: _answer(answer)
-
-    words, of_one = ("outputs", "allowed", "unit"), ("standard deviation of x", "allowed", "unit")
+    words, of_one = ("squares", "allowed", "unit"), ("standard deviation of x", "allowed", "unit")
     return (
         OutcomeCase(
             name="outputs of 1e-300",
@@ -263,24 +198,21 @@ def _failing() -> tuple[OutcomeCase, ...]:
         return f"first-order indices {np.array2string(indices.first_order, precision=3)}"
 
     def our_sobol() -> str:
-        first, refused = _sobol(
-            lambda values: np.where(values["x"] > 2.5, np.nan, values["x"] + 2.0 * values["y"]), ("x", "y"), np.ones(2)
+        return _sobol(
+            lambda values: np.where(values["x"] > 2.5, np.nan, values["x"] + 2.0 * values["y"]), {"x": 1.0, "y": 1.0}
         )
-        return f"indices {first.ravel()}, {refused}"
+
+    def our_failures() -> str:
+        found = propagate_through(lambda x: np.full_like(x, np.nan), {"x": _STANDARD_NORMAL})
+        return f"median {float(found.median):.3g}"
 
     return (
         OutcomeCase(
             name="every draw fails",
-            law="no quantile is stated, and failures are counted by cause",
+            law="refused, and the failed draws are counted",
             naive=lambda: _quietly(lambda: f"mean {np.nanmean(np.full(100, np.nan))}"),
-            ours=lambda: _propagate(
-                lambda values: np.full_like(values["x"], np.nan),
-                ("x",),
-                np.zeros(1),
-                np.ones((1, 1)),
-                inverse_depth=False,
-            )[1],
-            expected=("status unranked", "nonfinite 100 %"),
+            ours=lambda: _answer(our_failures),
+            expected=("refused", "non-finite values", "1024 of 1024"),
         ),
         OutcomeCase(
             name="one draw",
@@ -307,8 +239,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         return f"index {np.float64(np.var(outputs)) / np.var(outputs)}"
 
     def constant() -> str:
-        first, refused = _sobol(lambda values: 3.0 + 0.0 * values["x"], ("x",), np.ones(1))
-        return f"indices {first.ravel()}, {refused}"
+        return _sobol(lambda values: 3.0 + 0.0 * values["x"], {"x": 1.0})
 
     def chains() -> FloatArray:
         """Four ensembles of normal walkers, one of them stuck ten standard deviations away, in its own mode."""
