@@ -51,6 +51,8 @@ WRONG = {
     'distance [m],sigma [mm]\n"1,5",1\n2,4\n3,9\n': "line 2, column distance: this is not a number.*decimal commas",
     "distance [m],sigma [mm]\n1,nan\n2,4\n3,9\n": "this is not a number",
     "distance [m],sigma [mm]\n1,1\n2,-4\n3,9\n": "line 3: sigma must be above 0",
+    "distance [m],sigma [m]\n1,0.1\n2,2\n3,0.9\n": "line 3: sigma must be below the distance",
+    "distance [m],sigma [mm]\n1,1\n1,2\n2,4\n2,5\n": "too few distances: 2.*two points fit every law",
     "distance [m],sigma [mm]\n0,1\n2,4\n3,9\n": "the distance must be above 0",
     "distance [m],sigma [mm]\n,1\n2,4\n3,9\n": "the distance must be above 0",
     "distance [m],valid [%]\n1,101\n2,4\n3,9\n": "valid share must lie between",

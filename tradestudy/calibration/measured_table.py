@@ -73,7 +73,8 @@ def read_measurements(path: Path) -> MeasuredTable:
     OutOfRangeError
         The file cannot be read; a column is missing, unknown, repeated or without a valid unit; a cell is not a number
         with a decimal point; a distance is not positive, a deviation is negative or zero, or a share is not between 0
-        and 1; columns contradict each other; there are fewer than three rows, or more than `MOST_ROWS`.
+        and 1; a deviation reaches the distance; columns contradict each other; there are fewer than three rows or
+        different distances, or more than `MOST_ROWS`.
     """
     rows = _rows(path)
     if not rows:
@@ -103,6 +104,13 @@ def read_measurements(path: Path) -> MeasuredTable:
             values[name] *= values["distance"]
     lines = tuple(line for line, _ in rows[1:])
     _require_possible(path, lines, values)
+    if (different := np.unique(values["distance"]).size) < _FEWEST_ROWS:
+        raise OutOfRangeError(
+            f"{path.name} has measurements at too few distances",
+            value=str(different),
+            limit=f"{_FEWEST_ROWS} or more",
+            remedy="two points fit every law; measure at more distances",
+        )
     if np.isnan(values["sigma"]).all():
         with np.errstate(invalid="ignore"):
             values["sigma"] = np.sqrt(np.maximum(values["rms"] ** 2 - values["bias"] ** 2, 0.0))
@@ -202,6 +210,7 @@ def _require_possible(path: Path, lines: Sequence[int], values: Mapping[str, Flo
         wrong = {
             "the distance must be above 0": ~(distance > 0.0),
             "sigma must be above 0": sigma <= 0.0,
+            **{f"{name} must be below the distance": values[name] >= distance for name in QUANTITIES[:3]},
             "rms must be above 0": rms <= 0.0,
             "absolute_error must not be negative": mean < 0.0,
             "the bias must be above −distance, or measured depths are not positive": bias <= -distance,
