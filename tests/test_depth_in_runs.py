@@ -24,7 +24,7 @@ ROCK = "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}"
 
 def study(folder: Path) -> api.Study:
     path = folder / "maps.yaml"
-    text = study_text("plenoptic", ROCK, length="0.5 mm", pixels="[320, 320]", more="depth_maps: true")
+    text = study_text("plenoptic", ROCK, length="0.5 mm", pixels="[260, 260]", more="depth_maps: true")
     path.write_text(text, encoding="utf-8")
     return api.load(path)
 
@@ -116,11 +116,11 @@ def test_standard_errors_are_those_of_repetitions() -> None:
             3.0,
         )
 
-    scores = [one() for _ in range(40)]
+    scores = [one() for _ in range(30)]
     for name, expected in (("bias", 0.0), ("spread", 0.02), ("over_bound", 2.0), ("spread_px", 0.2)):
         values = np.array([getattr(each, name) for each in scores])
         reported = np.sqrt(np.mean([each.standard_errors[name] ** 2 for each in scores]))
-        assert np.mean(values) == pytest.approx(expected, abs=4.0 * np.std(values) / np.sqrt(40))
+        assert np.mean(values) == pytest.approx(expected, abs=4.0 * np.std(values) / np.sqrt(30))
         assert reported == pytest.approx(np.std(values), rel=0.4)
     assert np.mean([each.neighbour_correlation for each in scores]) == pytest.approx(2.0 / 3.0, abs=0.02)
     assert np.mean([each.window_correlation for each in scores]) == pytest.approx(0.0, abs=0.02)

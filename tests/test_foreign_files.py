@@ -78,7 +78,7 @@ def test_a_run_removes_what_only_an_earlier_run_of_other_values_wrote(
 ) -> None:
     folder = tmp_path / "run"
     shutil.copytree(finished, folder)
-    assert _invoke("cost", RIGHT, "--budget", "1", "--out", folder)[0] == 0
+    assert _invoke("cost", RIGHT, "--budget", "0.3", "--out", folder)[0] == 0
     own, mine = ("posteriors/rig.nc", "matchers.yaml"), ("posteriors/mine.nc", "pictures/rig/notes.txt", "pictures/a")
     for name in (*own, *mine, "pictures/rig/left.png", "pictures/other/left.png"):
         (folder / name).parent.mkdir(exist_ok=True, parents=True)
@@ -103,7 +103,7 @@ def test_a_run_of_an_earlier_version_without_a_list_is_replaced(finished: Path, 
 
 
 def test_exports_and_costs_replace_only_their_own(tmp_path: Path) -> None:
-    commands = {"rig-opencv.yml": ("export", RIGHT, "rig", "--lossy"), "cost.json": ("cost", RIGHT, "--budget", "1")}
+    commands = {"rig-opencv.yml": ("export", RIGHT, "rig", "--lossy"), "cost.json": ("cost", RIGHT, "--budget", "0.3")}
     for name, command in commands.items():
         folder = tmp_path / command[0]
         for _ in range(2):

@@ -29,12 +29,14 @@ BASELINE = {"says": "Which baseline?", "vary": "stereo-75mm.baseline", "low": "2
 def asked(requirement: dict[str, Any], question: dict[str, Any] | None = None) -> Solved:
     """The answer to an inverse question about one requirement on the 75 mm head of the robot."""
     needed = {"says": "needed", "camera": "stereo-75mm", **requirement}
+    others = () if needed["camera"] == "any" else ("trade_off", "decision", "stereo-50mm", "raytrix-r5")
     study = tradestudy.load(STUDIES / "robot.yaml").with_values(
         {
             "requirements": {"needed": needed},
             "solve": {"which": {**(question or BASELINE), "requirement": "needed"}},
             "usable_range": None,
             "scene.distances.points": 20,
+            **dict.fromkeys(others),
         }
     )
     definition = study.plan().study

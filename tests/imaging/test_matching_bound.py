@@ -88,8 +88,14 @@ def test_no_noise_leaves_no_error_and_no_signal_no_knowledge() -> None:
 # Where the bound applies: contrast, correlation length, blur, noise, window.
 SCENES = [
     Scene(electrons=5000, contrast=0.2, length_px=4, blur_px=2, noise=75, window=21, oversampling=2),
-    Scene(electrons=5000, contrast=0.1, length_px=4, blur_px=3, noise=75, window=21, oversampling=2),
-    Scene(electrons=5000, contrast=0.05, length_px=3, blur_px=2, noise=75, window=21, oversampling=2),
+    pytest.param(
+        Scene(electrons=5000, contrast=0.1, length_px=4, blur_px=3, noise=75, window=21, oversampling=2),
+        marks=pytest.mark.slow,
+    ),
+    pytest.param(
+        Scene(electrons=5000, contrast=0.05, length_px=3, blur_px=2, noise=75, window=21, oversampling=2),
+        marks=pytest.mark.slow,
+    ),
     Scene(electrons=5000, contrast=0.1, length_px=2, blur_px=4, noise=75, window=15, oversampling=2),
     Scene(electrons=5000, contrast=0.1, length_px=10, blur_px=2, noise=75, window=15, oversampling=2),
     Scene(electrons=5000, contrast=0.2, length_px=3, blur_px=5, noise=150, window=21, oversampling=2),

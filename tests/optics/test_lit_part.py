@@ -48,8 +48,8 @@ def image(path: LightPath, tolerance: float, legs: Legs = KIRCHHOFF) -> ChainIma
 
 @pytest.mark.parametrize("legs", [KIRCHHOFF, WAVES_THEN_RAYS])
 def test_work_grows_with_the_light_and_not_with_the_array(legs: Legs) -> None:
-    nodes = [image(array(across), 5e-2, legs).effort["microlens nodes"] for across in (9, 15, 21)]
-    assert nodes[0] == nodes[1] == nodes[2]
+    nodes = [image(array(across), 5e-2, legs).effort["microlens nodes"] for across in (9, 21)]
+    assert nodes[0] == nodes[1]
 
 
 @pytest.fixture(scope="module")

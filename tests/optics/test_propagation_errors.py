@@ -419,14 +419,14 @@ def test_check_targets_represent_all_even_where_a_few_hold_the_light() -> None:
     intensity[[220, 219, 221, 199]] = 1.0, 0.02, 0.01, 0.01
     squares = rng.random(intensity.size) * (1.0 + 50.0 * intensity)
     found = []
-    for seed in range(2000):
+    for seed in range(600):
         at = choose_check_targets(grid, intensity, count=16, seed=seed)
         assert {220, 219, 221, 199} <= set(at.index[:16].tolist())
         found.append(float(np.mean((at.weight * squares[at.index])[~at.corner])))
-    assert np.mean(found) == pytest.approx(squares.mean(), abs=4.0 * np.std(found) / math.sqrt(2000))
+    assert np.mean(found) == pytest.approx(squares.mean(), abs=4.0 * np.std(found) / math.sqrt(600))
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
 def test_a_coarse_grid_over_a_focus_states_the_errors_beside_the_brightest_target(seed: int) -> None:
     """At the brightest target, with a twentieth of the light in all others, the nodes happen to do well."""
     case = load_cases().Case(

@@ -152,7 +152,13 @@ def test_required_uncertainties_are_drawn_over_their_distances(tree: xr.DataTree
     assert "requirement" not in figures.build(without)["whole_range"].caption
 
 
-@pytest.mark.parametrize("place", np.geomspace(0.1, 0.9, 25))
+@pytest.mark.parametrize(
+    "place",
+    [
+        pytest.param(place, marks=[pytest.mark.slow] if number % 6 else [])
+        for number, place in enumerate(np.geomspace(0.1, 0.9, 25))
+    ],
+)
 def test_names_of_fifty_requirements_hide_no_curve(tree: xr.DataTree, place: float) -> None:
     """Requirements at 50 distances, each as large as the least uncertainty there; the tightest two are named."""
     depth, own = tree["depth"].to_dataset(), tree["requirements"].to_dataset()
@@ -484,7 +490,7 @@ def test_bars_and_maps_have_tables_of_their_values(make_tree: Callable[..., xr.D
 
 
 def test_a_map_of_many_designs_has_no_numbers_and_ticks_that_can_be_read(make_tree: Callable[..., xr.DataTree]) -> None:
-    few, many = (make_tree(sweep={"b": np.linspace(0.01, 0.2, n), "f": np.linspace(1.0, 4.0, n)}) for n in (4, 40))
+    few, many = (make_tree(sweep={"b": np.linspace(0.01, 0.2, n), "f": np.linspace(1.0, 4.0, n)}) for n in (4, 25))
     assert "the numbers are in mm" in figures.build(few)["sweep_map"].caption
     drawing = figures.build(many)["sweep_map"]
     assert "numbers" not in drawing.caption

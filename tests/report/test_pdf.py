@@ -92,7 +92,7 @@ def test_the_curve_of_every_camera_is_on_the_page(
     """Each camera's colour runs across the plotting area of the figure, also in the page as printed."""
     caption = " ".join(figures.build(tree)[name].caption.split())[:60].rstrip()  # plain spaces, as in `texts`
     number = next(i for i, text in enumerate(pages) if caption in text)
-    image = pixels(printed, number, scale=3.0)
+    image = pixels(printed, number, scale=2.0)
     for camera in traces(tree):
         depth = tree["depth"].to_dataset().sel(camera=camera.key)
         span = {"whole_range": (0.05, 10.0), "close_range": (0.0, 1.0), "mid_range": (1.0, 10.0)}[name]

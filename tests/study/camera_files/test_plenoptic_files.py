@@ -301,7 +301,9 @@ def test_two_commands_and_the_missing_values_lead_to_a_report(
     lines = refused.output.strip().splitlines()
     assert sorted(re.search(r"cameras\.rig\.([\w.]+): not in ", line)[1] for line in lines) == sorted(given)  # type: ignore[index]
     values = [part for key, value in given.items() for part in ("--set", f"rig.{key}={value}")]
-    ran = runner.invoke(app, ["run", "mine.yaml", "--no-pdf", "--out", "out", *values])
+    ran = runner.invoke(
+        app, ["run", "mine.yaml", "--no-pdf", "--out", "out", "--set", "scene.distances.points=9", *values]
+    )
     assert ran.exit_code == 0, ran.output
     assert (tmp_path / "out" / "report.html").is_file()
     # The same values, given to `new`, adapt the distances of the study to the camera.
