@@ -165,6 +165,31 @@ def test_a_wrong_table_is_a_mistake_of_the_study(tmp_path: Path) -> None:
         tradestudy.load(path)
 
 
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (
+            "distance [m],valid [%]\n1,99\n2,98\n3,97\n",
+            "0.98 times the predicted one in the median (0.97 to 0.99) at 3",
+        ),
+        # Of the spread, only one row; the noise alone makes 0.2 px · (1 m)²/(60 px m) = 3.33 mm.
+        (
+            "distance [m],sigma [mm]\n1,10\n2,\n3,\n",
+            "standard deviation of the rig is 3 times the predicted one at 1 m",
+        ),
+        (
+            "distance [m],sigma [mm]\n1,10\n1,10\n2,40\n3,90\n",
+            "is 3 times the predicted one at 3 distances from 1 to 3 m",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("empty_figures")
+def test_tables_without_a_law_get_a_report_of_what_they_tell(tmp_path: Path, table: str, said: str) -> None:
+    result, _ = _run(_write(tmp_path, table=table))
+    assert said in headline(result.data)
+    result.write(tmp_path / "out", pdf=False)
+
+
 def test_new_starts_a_study_from_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     sigma = NOISE * DISTANCES**2 / 60.0

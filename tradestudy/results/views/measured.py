@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
 from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty, significant
-from tradestudy.wording import counted, plain_span, with_article
+from tradestudy.wording import counted, range_words, with_article
 
 NAMES: Final = {
     "sigma": "standard deviation",
@@ -95,12 +95,12 @@ class Measured:
         return np.asarray(n("offset_px") + n("scale") * d - shift)
 
     def ratio_words(self, quantity: str) -> str:
-        """The median ratio of measured to predicted with its range; empty where there is none."""
+        """The median ratio of measured to predicted, with their range if it shows; empty where there is none."""
         ratios = [float(ratio) for ratio in self.table["ratio"].sel(quantity=quantity).values]
         if math.isnan(ratios[0]):
             return ""
         median, low, high = (significant(ratio, 2) for ratio in ratios)
-        return f"{median} ({low} to {high})"
+        return median if low == high else f"{median} ({low} to {high})"
 
     def finding(self, camera: str = "") -> str:
         """How the points compare with the prediction, in one sentence without a full stop; may name the camera."""
@@ -108,14 +108,17 @@ class Measured:
         used = self.values("used") > 0.0
         if not used.any():
             return f"{camera} measures nothing at the distances of {self.name}, as declared"
-        z = self.values("distance_of_row")[used]
-        where = f"at {counted(int(used.sum()), 'distance')} from {plain_span(float(z.min()), float(z.max()))}"
         quantity = next(
             (candidate for candidate in (self.spread, "bias", "valid") if candidate and self.ratio_words(candidate)), ""
         )
+        if quantity:
+            used &= np.isfinite(self.values(quantity))
+        z = np.unique(self.values("distance_of_row")[used])
+        where = f"at {counted(z.size, 'distance')} " * (z.size > 1) + range_words(float(z[0]), float(z[-1]))
         if not quantity:
             return f"{camera} was measured {where}, without a prediction to compare with"
-        words = self.ratio_words(quantity).replace(" (", " times the predicted one in the median (", 1)
+        median, parenthesis, spread = self.ratio_words(quantity).partition(" (")
+        words = f"{median} times the predicted one" + f" in the median ({spread}" * bool(parenthesis)
         comparison = f"the measured {NAMES[quantity]} of {camera} is {words} {where}"
         wrong = [declared for declared, key in _VERDICTS.items() if str(self.table[key].item()) == "inconsistent"]
         return f"{comparison}; the points contradict the declared {' and '.join(wrong)}" if wrong else comparison
@@ -148,8 +151,10 @@ def implied_values(measured: Measured) -> Iterator[ImpliedValue]:
     verdicts = {declared: str(measured.table[key].item()) for declared, key in _VERDICTS.items()}
     of_noise = {"rms": ", with the bias", "absolute_error": ", if normal and without bias"}.get(measured.spread, "")
     declared_noise = pretty(measured.number("declared_noise_px"), PIXELS)
+    predicted = measured.number("exponent_predicted")  # unknown for too few points, or without a spread
+    of_prediction = significant(predicted) if math.isfinite(predicted) else ""
     candidates: tuple[tuple[str, str, Dimension, str, str], ...] = (
-        ("exponent", "Exponent in distance", NUMBER, significant(measured.number("exponent_predicted")), ""),
+        ("exponent", "Exponent in distance", NUMBER, of_prediction, ""),
         ("noise_px", f"Disparity noise{of_noise}", PIXELS, declared_noise, verdicts["disparity error"]),
         ("floor", "Floor of the depth error", LENGTH, "0", ""),
         ("offset_px", "Disparity offset", PIXELS, "0", verdicts["calibration errors"]),
