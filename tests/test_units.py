@@ -275,6 +275,7 @@ def test_pint_is_not_imported_unless_a_study_is_read() -> None:
 def test_an_infinite_number_is_written_as_infinite() -> None:
     assert units.significant(float("inf")) == "∞"
     assert units.significant(float("-inf"), 2) == "−∞"
+    assert units.significant(float("nan")) == "—"
 
 
 @given(st.floats(1e-6, 1e3), st.floats(1e-7, 0.5))

@@ -274,10 +274,8 @@ def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
     str
         "∞" and "−∞" for infinities, "—" for NaN.
     """
-    if math.isnan(value):
-        return "—"
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
+    if not math.isfinite(value):
+        return significant(value)
     # Rounded before the unit is chosen: 0.9996 m is 1 m, not 1000 mm. Kelvins would lose digits of degrees Celsius.
     rounded = float(f"{value:.{digits - 1}e}") if not dimension.absolute else value
     unit = display_unit(rounded, dimension)
@@ -362,7 +360,9 @@ def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
 
 
 def significant(number: float, digits: int = 3) -> str:
-    """Write a number with significant digits and no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``, ``∞``."""
+    """Write a number with significant digits, no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``, ``∞``, ``—``."""
+    if math.isnan(number):
+        return "—"
     if math.isinf(number):
         return "∞" if number > 0.0 else "−∞"
     mantissa, _, exponent = f"{number:.{digits - 1}e}".partition("e")

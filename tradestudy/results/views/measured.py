@@ -151,10 +151,8 @@ def implied_values(measured: Measured) -> Iterator[ImpliedValue]:
     verdicts = {declared: str(measured.table[key].item()) for declared, key in _VERDICTS.items()}
     of_noise = {"rms": ", with the bias", "absolute_error": ", if normal and without bias"}.get(measured.spread, "")
     declared_noise = pretty(measured.number("declared_noise_px"), PIXELS)
-    predicted = measured.number("exponent_predicted")  # unknown for too few points, or without a spread
-    of_prediction = significant(predicted) if math.isfinite(predicted) else ""
     candidates: tuple[tuple[str, str, Dimension, str, str], ...] = (
-        ("exponent", "Exponent in distance", NUMBER, of_prediction, ""),
+        ("exponent", "Exponent in distance", NUMBER, significant(measured.number("exponent_predicted")), ""),
         ("noise_px", f"Disparity noise{of_noise}", PIXELS, declared_noise, verdicts["disparity error"]),
         ("floor", "Floor of the depth error", LENGTH, "0", ""),
         ("offset_px", "Disparity offset", PIXELS, "0", verdicts["calibration errors"]),
