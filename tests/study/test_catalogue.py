@@ -288,6 +288,7 @@ def test_new_starts_a_study_of_two_cameras_that_answers_for_bin_picking() -> Non
     ("words", "says"),
     [
         (("--camera", "oak-d"), "give --camera twice"),
+        (("--camera", "realsense-d455", "--camera", "realsense-d455"), "give two that differ"),
         (("--camera", "oak-d", "--camera", "oak-x"), "no such camera"),
         (("--camera", "oak-d", "--camera", "oak-d:500p"), "800p, 800p-extended"),
         (("--camera", "oak-d", "--camera", "mahli"), "measures no depth"),

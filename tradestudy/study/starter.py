@@ -104,7 +104,8 @@ def of_catalogue(name: str, cameras: Sequence[str]) -> str:
     rows = [_of_entry(camera) for camera in cameras]
     if len(rows) != 2 or rows[0] == rows[1]:
         named = ", ".join(cameras)
-        raise OutOfRangeError("new compares two cameras of the catalogue", value=named, remedy="give --camera twice")
+        remedy = "give two that differ, such as two modes" if len(rows) == 2 else "give --camera twice"
+        raise OutOfRangeError("new compares two cameras of the catalogue", value=named, remedy=remedy)
     keys = [row.entry for row in rows]
     # Two modes of one entry need different keys.
     keys = [f"{key}-{row.mode}" for key, row in zip(keys, rows, strict=True)] if keys[0] == keys[1] else keys
