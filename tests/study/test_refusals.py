@@ -27,6 +27,7 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
     [
         ("sweep={scene.distances.from: [50 mm, 500 mm]}", "cannot be swept"),
         ("sweep={stereo-short.baseline: {from: 0 mm, to: 5 mm, points: 3, spacing: log}}", "log range from '0 mm'"),
+        ("sweep={raytrix-r5.depth.estimator: [adjacent-pair, unknown, widest-pair]}", "'unknown' is unknown"),
         ("claims.C2.expect.below=1 m", "claims.C2.expect: '1 m' is a length"),
         ("claims.C1.expect.about=0.5", "'0.5' has no unit"),
         ("solve.yaw-at-half-metre.low=6 deg", "0 < low < high < ∞"),

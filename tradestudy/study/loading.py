@@ -203,12 +203,14 @@ def _single_cameras(document: Document, error: StudyError) -> Iterator[Problem]:
 
 
 def _problems_of_changes(study: PreparedStudy) -> Iterator[Problem]:
-    """Mistakes of the first and last value of each sweep axis, and of the ends of inverse questions and assumptions."""
+    """Mistakes of the choices or of the ends of each sweep axis, and of the ends of questions and assumptions."""
     changes: list[Change] = []
     keys = study.definition.posterior_keys
     try:
         for axis in sweep_axes(study):
-            changes += [(("sweep", axis.path), {axis.path: entry}) for entry in (axis.values[0], axis.values[-1])]
+            ends = (axis.values[0], axis.values[-1])  # between which numbers lie; choices do not
+            entries = axis.values if axis.dimension is None else ends
+            changes += [(("sweep", axis.path), {axis.path: entry}) for entry in entries]
     except TradestudyError as error:
         yield study.document.problem(("sweep",), str(error))
     for where, question in _varied(study):
