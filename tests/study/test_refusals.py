@@ -27,6 +27,11 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
     [
         ("sweep={scene.distances.from: [50 mm, 500 mm]}", "cannot be swept"),
         ("sweep={stereo-short.baseline: {from: 0 mm, to: 5 mm, points: 3, spacing: log}}", "log range from '0 mm'"),
+        (
+            "sweep={stereo-short.baseline: {from: 10 mm, to: 30 mm, points: 200}, "
+            "stereo-short.lenses.focal_length: {from: 5 mm, to: 9 mm, points: 200}}",
+            "sweep: points of the sweep: 40",
+        ),
         ("sweep={raytrix-r5.depth.estimator: [adjacent-pair, unknown, widest-pair]}", "'unknown' is unknown"),
         ("claims.C2.expect.below=1 m", "claims.C2.expect: '1 m' is a length"),
         ("claims.C1.expect.about=0.5", "'0.5' has no unit"),

@@ -43,7 +43,15 @@ class SweepAxis:
 
 
 def sweep_axes(study: PreparedStudy) -> tuple[SweepAxis, ...]:
-    """The axes that a study declares; none if it has no sweep."""
+    """The axes that a study declares; none if it has no sweep.
+
+    Raises
+    ------
+    UnitError
+        If a path overlaps another one or cannot be swept, or its values have no common unit.
+    UnaffordableError
+        If there are more than 20 000 combinations of values.
+    """
     paths = [study.document.path_of(path) for path in study.file.sweep]
     for number, (path, part) in enumerate(study.file.sweep.items()):
         if what := overlap(paths[number], paths[:number]):
@@ -55,7 +63,7 @@ def sweep_axes(study: PreparedStudy) -> tuple[SweepAxis, ...]:
             )
         if not isinstance(part, SweepRangePart) and None in part:
             raise UnitError(f"{path}: null removes a value, but a sweep sets values; leave null out")
-    return tuple(
+    axes = tuple(
         _axis(
             path,
             _values_of_range(path, part) if isinstance(part, SweepRangePart) else tuple(map(ScalarEntry.of, part)),
@@ -63,6 +71,12 @@ def sweep_axes(study: PreparedStudy) -> tuple[SweepAxis, ...]:
         )
         for path, part in study.file.sweep.items()
     )
+    count = math.prod(len(axis.values) for axis in axes)
+    if count > MOST_POINTS:
+        raise UnaffordableError(
+            "points of the sweep", value=str(count), limit=f"at most {MOST_POINTS}", remedy="sweep fewer values"
+        )
+    return axes
 
 
 def axes_of_camera(study: PreparedStudy, camera_name: str) -> tuple[SweepAxis, ...]:
@@ -72,20 +86,9 @@ def axes_of_camera(study: PreparedStudy, camera_name: str) -> tuple[SweepAxis, .
 
 
 def sweep_points(study: PreparedStudy, axes: tuple[SweepAxis, ...]) -> list[PreparedStudy]:
-    """The study at every combination of values, with the last axis varying fastest; without axes, the study itself.
-
-    Raises
-    ------
-    UnaffordableError
-        If there are more than 20 000 combinations.
-    """
+    """The study at every combination of values, with the last axis varying fastest; without axes, the study itself."""
     if not axes:
         return [study]
-    count = int(np.prod([len(axis.values) for axis in axes]))
-    if count > MOST_POINTS:
-        raise UnaffordableError(
-            "points of the sweep", value=str(count), limit=f"at most {MOST_POINTS}", remedy="sweep fewer values"
-        )
     return [
         study.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
         for values in itertools.product(*(axis.values for axis in axes))
