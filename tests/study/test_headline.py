@@ -10,7 +10,7 @@ import pytest
 from tests.study.conftest import STUDIES
 from tradestudy.api import Result, Study, load
 from tradestudy.errors import StudyError
-from tradestudy.study.varying import sweep_axes
+from tradestudy.study.varying import sweep_axes, sweep_points
 
 # A study that is asked for nothing but depth and its decision.
 ALONE = dict.fromkeys(("readings", "claims", "solve", "requirements"))
@@ -194,6 +194,10 @@ def test_other_cameras_give_plausible_different_answers(headline: Study, headlin
 def test_a_sweep_includes_the_declared_design(headline: Study) -> None:
     study = headline.with_values({"sweep": str({"stereo-short.baseline": ["10 mm", "40 mm"]}), "readings": "{}"})
     assert [axis.labels for axis in sweep_axes(study.prepared)] == [(0.01, 0.02, 0.04)]
+    counts = {"stereo-short.sensor.pixels.0": {"from": "1000", "to": "1200", "points": 3}}
+    study = headline.with_values({"sweep": str(counts), "readings": "{}", "claims": "{}"})
+    assert {1000.0, 1100.0, 1200.0} < set(sweep_axes(study.prepared)[0].labels)
+    assert sweep_points(study.prepared, sweep_axes(study.prepared))
     choices = {"raytrix-r5.depth.estimator": ["adjacent-pair", "widest-pair"]}
     study = headline.with_values({"sweep": str(choices), "readings": "{}", "claims": "{}"})
     assert [axis.labels for axis in sweep_axes(study.prepared)] == [("adjacent-pair", "widest-pair", "same-type-pair")]

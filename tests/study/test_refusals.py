@@ -32,6 +32,7 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
             "stereo-short.lenses.focal_length: {from: 5 mm, to: 9 mm, points: 200}}",
             "sweep: points of the sweep: 40",
         ),
+        ("sweep={stereo-short.sensor.pixels.0: {from: 1000, to: 1100, points: 4}}", "a whole number is expected"),
         ("sweep={raytrix-r5.depth.estimator: [adjacent-pair, unknown, widest-pair]}", "'unknown' is unknown"),
         ("claims.C2.expect.below=1 m", "claims.C2.expect: '1 m' is a length"),
         ("claims.C1.expect.about=0.5", "'0.5' has no unit"),

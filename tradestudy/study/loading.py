@@ -18,6 +18,7 @@ from tradestudy.study.schema.questions import AssumptionPart, SolvePart
 from tradestudy.study.shared_cameras import SharedCameras, kind_of, load_entries
 from tradestudy.study.source import UnreadableError, compose, entry_of_value
 from tradestudy.study.varying import Varying, sweep_axes
+from tradestudy.units import NUMBER
 
 _FREE_TEXT = ("title", "note", "says", "question")
 _INFERRED_ANEW = (
@@ -208,8 +209,8 @@ def _problems_of_changes(study: PreparedStudy) -> Iterator[Problem]:
     keys = study.definition.posterior_keys
     try:
         for axis in sweep_axes(study):
-            ends = (axis.values[0], axis.values[-1])  # between which numbers lie; choices do not
-            entries = axis.values if axis.dimension is None else ends
+            ends = (axis.values[0], axis.values[-1])  # between which choices need not be valid, nor counts whole
+            entries = axis.values if axis.dimension in (None, NUMBER) else ends
             changes += [(("sweep", axis.path), {axis.path: entry}) for entry in entries]
     except TradestudyError as error:
         yield study.document.problem(("sweep",), str(error))

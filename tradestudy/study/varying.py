@@ -127,6 +127,8 @@ def _values_of_range(path: str, part: SweepRangePart) -> tuple[ScalarEntry, ...]
 
 def quantity_entry(number: float, dimension: Dimension) -> ScalarEntry:
     """An SI number as a value of a study."""
+    if not dimension.unit and number.is_integer():  # which may be a count
+        return ScalarEntry.of(int(number))
     return ScalarEntry.of(f"{number!r} {dimension.unit}" if dimension.unit else number)
 
 
