@@ -215,9 +215,10 @@ def test_finished_results_are_not_computed_again_unless_asked(small: Path, small
     run()
     assert started() == first
     assert (folder / "report.pdf").read_bytes() == (small_run / "report.pdf").read_bytes()
-    time.sleep(1.1)  # the record counts whole seconds
+    record = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({**record, "started": "2000-01-01T00:00:00+00:00"}))
     run("--fresh", "--no-pdf")
-    assert started() != first
+    assert started() >= first
 
 
 def test_a_wrong_study_writes_nothing(run_folder: Path, tmp_path: Path) -> None:

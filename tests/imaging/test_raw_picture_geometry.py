@@ -96,7 +96,7 @@ def test_micro_images_of_a_small_spot(distance: float, spacing: float, blur: flo
     # Forwards: every point of the spot fills a disc on the array, of which the aperture of a microlens takes a part,
     # and its light lands where eq. 4 says, shifted by h b_L (1/b_L + 1/a_L − 1/f_L) on its way through h.
     rng = np.random.default_rng(1)
-    count = 2_000_000
+    count = 1_000_000
     on_object = sample * (width * rng.standard_normal((2, count)) + rng.random((2, count)) - rng.random((2, count)))
     h = APERTURE * (rng.random((2, count)) - 0.5)
     centre = np.array([[partly_lit * PITCH], [0.0]])

@@ -15,7 +15,7 @@ from tradestudy.models.rendered_scene import declared_image, recording_of, set_u
 from tradestudy.optics.arrays import FloatArray
 
 STUDY = Path(__file__).parents[2] / "studies" / "rock_scene.yaml"
-SIDE, PLACES = 24, 3
+SIDE, PLACES = 16, 3
 
 
 @pytest.mark.parametrize("count", [*range(5, 21), 64, 192])

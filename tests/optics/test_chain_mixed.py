@@ -392,7 +392,7 @@ def test_what_the_boundary_wave_leaves_out_is_stated_and_not_refused(second: str
 def test_what_the_boundary_wave_of_a_disc_leaves_out_is_stated(second: str) -> None:
     disc = DiscSource(diameter=0.1e-3, distance=24e-3)
     edge, area = (
-        image(camera(), disc, Legs(to_array=first, to_detector=second), accuracy=ChainAccuracy(tolerance=3e-4))
+        image(camera(), disc, Legs(to_array=first, to_detector=second), accuracy=ChainAccuracy(tolerance=1e-3))
         for first in ("boundary_wave", "kirchhoff")
     )
     truth = relative(edge.pixels, area.pixels)

@@ -227,6 +227,7 @@ def test_exact_paths_are_tried_on_both_sides_of_the_focus() -> None:
     assert found.models["main_lens_diffraction"] == "kirchhoff"
 
 
+@pytest.mark.slow
 def test_a_steep_limit_between_coarse_distances_sets_an_end() -> None:
     """Blur ends matching so steeply that 1 % away from its end the disparity error is far from its limit.
 
