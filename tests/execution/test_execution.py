@@ -48,6 +48,7 @@ cameras:
     baseline: 100 mm
     convergence_distance: 1 m
     focus_distance: autofocus
+    principal_distance: focal_length
     depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 1 px}
     calibration: {errors: {yaw: {standard_deviation: 0.2 deg}}}
 scene: {distances: {from: 0.3 m, to: 3 m, points: 12}, wavelength: 550 nm}
