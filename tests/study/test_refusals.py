@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,14 @@ from tradestudy.errors import StudyError
 from tradestudy.study.document import Value
 
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
+
+
+def test_a_camera_file_is_no_study(tmp_path: Path) -> None:
+    camera = tmp_path / "camera.yaml"
+    camera.write_text("kind: stereo\nbaseline: 50 mm\n", encoding="utf-8")
+    with pytest.raises(StudyError) as caught:
+        load(camera)
+    assert [problem.what.partition(";")[0] for problem in caught.value.problems] == ["this is a camera, not a study"]
 
 
 @pytest.mark.parametrize(

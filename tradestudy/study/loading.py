@@ -98,6 +98,9 @@ def _document(entries: Callable[[], tuple[Entry, list[Problem]]], place: Place, 
     if not isinstance(entry, MappingEntry):
         problems.append(entry.place.problem((), f"a study is a mapping of keys to values, not {kind_of(entry)}"))
         raise StudyError(problems)
+    if "kind" in entry.members and "cameras" not in entry.members:
+        what = "this is a camera, not a study; a study names it under cameras, as in my-camera: {from: FILE}"
+        raise StudyError([*problems, entry.place.problem(("kind",), what)])
     cameras = SharedCameras(folder=folder, root=replace(entry, place=place))
     root = cameras.resolved()
     return Document(
