@@ -194,6 +194,7 @@ def test_a_gap_that_focuses_on_no_real_object_is_said(focal_length: str, blurred
         (("stereo-50mm.focus_distance=autofocus", "stereo-50mm.principal_distance=focal_length"), False),
         (("stereo-50mm.focus_distance=autofocus", "stereo-50mm.lenses.focal_length=4000 px"), False),
         (("stereo-50mm.focus_distance={value: autofocus, basis: assumed}",), False),
+        (("stereo-50mm.focus_distance=null",), False),  # refocuses by default, which only leaves blur out
         (("stereo-50mm.focus_distance=autofocus", "scene.distances.from=0.7 m"), False),  # by 12/688, below 2 %
     ],
 )

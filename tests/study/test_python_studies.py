@@ -24,6 +24,7 @@ RIG: dict[str, Any] = {
     "kind": "stereo",
     "baseline": 0.1,
     "focus_distance": "autofocus",
+    "principal_distance": "focal_length",  # at every focus
     "lenses": {"focal_length": 0.008, "f_number": 8},
     "sensor": {"pixels": [1024, 1024], "pixel_pitch": 1e-5},
     "depth": {"disparity_error": 0.1, "discrimination_step": 0.1},

@@ -193,12 +193,14 @@ def _chooses_principal_distance(study: PreparedStudy, name: str) -> bool:
 
 
 def _refocusing(study: PreparedStudy) -> Iterator[Problem]:
-    """Lenses that refocus by more than the tolerance, although one principal distance is used at every focus."""
+    """Lenses declared to refocus, by more than the tolerance, although one principal distance is used throughout."""
     tolerance = study.file.accuracy.asked().tolerances["depth_uncertainty"]
     for name, camera in study.case.cameras.items():
         path = ("cameras", name, "focus_distance")
-        refocused = getattr(study.file.cameras[name], "focus_distance", None) == "autofocus"
-        if not refocused or _chooses_principal_distance(study, name) or _has_basis(study.document, path):
+        # As the default, it only leaves blur out.
+        refocused = study.document.entry(path)
+        declared = isinstance(refocused, ScalarEntry) and refocused.value == "autofocus"
+        if not declared or _chooses_principal_distance(study, name) or _has_basis(study.document, path):
             continue
         nearest, lens = float(study.case.distance[0]), camera.gathering_lens
         if not camera.images(study.case.distance[:1]).all():
