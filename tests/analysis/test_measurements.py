@@ -14,6 +14,7 @@ import tradestudy
 from tradestudy import cli
 from tradestudy.calibration.measured_fits import MEAN_OF_NORMAL
 from tradestudy.errors import StudyError
+from tradestudy.figures.gallery import all_drawings
 from tradestudy.results.views.headline import headline
 from tradestudy.results.views.measured import implied_values, locking_words, measured_tables
 
@@ -188,6 +189,23 @@ def test_tables_without_a_law_get_a_report_of_what_they_tell(tmp_path: Path, tab
     result, _ = _run(_write(tmp_path, table=table))
     assert said in headline(result.data)
     result.write(tmp_path / "out", pdf=False)
+
+
+@pytest.mark.parametrize(
+    ("table", "drawn"),
+    [
+        ("distance [m],valid [%]\n1,99\n2,98\n3,97\n", False),
+        ("distance [m],bias [mm]\n1,0\n2,0\n3,0\n", False),
+        ("distance [m],bias [mm],valid [%]\n1,1,90\n2,0,0\n3,-2,0\n", True),
+    ],
+)
+def test_a_table_gets_a_figure_if_it_has_an_error_to_mark(tmp_path: Path, table: str, drawn: bool) -> None:
+    result, _ = _run(_write(tmp_path, table=table))
+    drawings = all_drawings(result.data)
+    assert (next(iter(drawings)) == "measured_wall") == drawn
+    assert ("measured_wall" in drawings) == drawn
+    if drawn:
+        assert drawings["measured_wall"].draw().axes
 
 
 def test_new_starts_a_study_from_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -46,8 +46,9 @@ def _choice(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> tuple[str, st
         return "requirement_margins", headline_finding(tree)
     if cameras and swept(group(tree, "depth")):
         return ("sweep_map", _sweep_finding(tree)) if "sweep_map" in drawings else ("whole_range", camera_finding(tree))
-    if len(cameras) == 1 and (measured := measured_tables(tree)) and not has(tree, "requirements"):
-        return f"measured_{measured[0].name}", headline_finding(tree)
+    measured = next((name for table in measured_tables(tree) if (name := f"measured_{table.name}") in drawings), "")
+    if len(cameras) == 1 and measured and not has(tree, "requirements"):
+        return measured, headline_finding(tree)
     if alone in drawings:
         return alone, map_finding(tree, cameras[0])
     over_distance = next((name for name in ("deciding_cameras", "whole_range") if name in drawings), "")

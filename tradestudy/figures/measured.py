@@ -28,8 +28,10 @@ _MARGIN = 1.08  # of the distances
 
 
 def measured_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
-    """One figure for each table of measurements."""
+    """One figure for each table of measurements with an error other than 0 to mark."""
     for measurements in measured_tables(tree):
+        if not np.any(np.abs(measurements.values(measurements.spread or "bias")) > 0.0):
+            continue
         trace = next(trace for trace in all_traces(tree) if trace.key == str(measurements.table["camera_of"].item()))
         quantity = NAMES[measurements.spread or "bias"]
         caption = f"{measurements.title}: measured {quantity} (marks), the prediction (line)"
