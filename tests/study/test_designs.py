@@ -166,7 +166,7 @@ def test_a_margin_without_an_end_is_not_stated_as_a_number() -> None:
     assert design_details(tree(1, np.full((3, 2, 2), np.inf))).startswith("Best: the rig with baseline 50 mm")
 
 
-def test_a_usable_design_is_closer_than_one_whose_value_is_better_where_it_is_not_usable() -> None:
+def test_the_closest_design_has_the_largest_margin_and_what_it_lacks_is_said() -> None:
     """Lenses at f/2, focused at 0.3 m, blur a point at 0.35 m over f/2 · f/(0.3 m − f)/7: 1.3 and 5.2 px."""
     rig = {
         "kind": "stereo",
@@ -198,8 +198,18 @@ def test_a_usable_design_is_closer_than_one_whose_value_is_better_where_it_is_no
     data = result.data["requirements"].to_dataset()
     assert (data["design_margin_percent"].values[0] < data["design_margin_percent"].values[1]).all()
     lines = list(terminal_lines(result.data))
-    assert any("focal length 4 mm comes closest" in line for line in lines)
-    assert any(line.startswith("The closest design misses “fine” (worst ") for line in lines)
+    assert any("focal length 8 mm comes closest" in line for line in lines)
+    assert any(line.startswith("The closest design misses “fine” (not usable ") for line in lines)
+
+
+def test_of_designs_that_are_usable_nowhere_the_one_that_falls_short_by_less_is_closest() -> None:
+    results = tree(0, grid(*[(-100.0, -100.0)] * 3))
+    data = results["requirements"].to_dataset()
+    short = -2.0 * np.ones(data["design_margin_percent"].shape)
+    short[1, 1] = -1.5
+    dims = data["design_margin_percent"].dims
+    results["requirements"] = xr.DataTree(data.assign(design_closeness=(dims, short)))
+    assert "baseline 100 mm and focal length 8 mm comes closest" in feasible_words(results)
 
 
 def test_a_sweep_to_infinity_has_choices_and_no_range_up_to_infinity() -> None:

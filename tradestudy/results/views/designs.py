@@ -72,8 +72,8 @@ class Feasible:
     count, designs
         Number of feasible designs, and of all designs.
     best
-        The feasible design whose smallest margin is largest; if none is feasible, the one that comes closest. Between
-        equal ones, the next smallest decides.
+        The feasible design whose smallest margin is largest, or if none is feasible, the design. Between equal ones,
+        the next smallest decides, then how nearly they meet the requirements.
     alike
         Whether every design meets or misses each requirement by as much as the best one.
     misses
@@ -170,9 +170,11 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     margins = _of_required(data, "design_margin_percent", axes, must)
     # Results of earlier versions lack it.
     closeness = _of_required(data, "design_closeness", axes, must) if "design_closeness" in data else margins
-    feasible, least = np.all(met, axis=-1), np.min(closeness, axis=-1)
-    # Feasible designs come first: a guard band can make a design fail although its margin is positive.
-    ratings = np.column_stack([feasible.ravel(), np.sort(closeness.reshape(feasible.size, -1))])
+    feasible, least = np.all(met, axis=-1), np.min(margins, axis=-1)
+    # Feasible designs come first: a guard band can make a design fail although its margin is positive. Of designs with
+    # equal margins, as of those that are usable nowhere, the one that falls short by less comes first.
+    margin_and_closeness = [np.sort(rating.reshape(feasible.size, -1)) for rating in (margins, closeness)]
+    ratings = np.column_stack([feasible.ravel(), *margin_and_closeness])
     best_first = np.lexsort(-ratings.T[::-1])
     best = np.unravel_index(int(best_first[0]), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
@@ -181,7 +183,7 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         _best_value_words(data[axis], int(k), least[(*best[:place], slice(None), *best[place + 1 :])])
         for place, (axis, k) in enumerate(zip(axes, best, strict=True))
     ]
-    worst_first = [int(k) for k in np.argsort(closeness[best], kind="stable") if not met[best][k]]
+    worst_first = [int(k) for k in np.argsort(margins[best], kind="stable") if not met[best][k]]
     reasons = data["design_reason"].transpose(*axes, "requirement").values[best][must]
     return Feasible(
         count=int(feasible.sum()),
