@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
@@ -163,18 +163,23 @@ class LensModel(ABC):
             rows = zip(*(value.ravel().tolist() for value in values), strict=True)
             ends = [replace(self, **dict(zip(names, row, strict=True))).valid_field for row in rows]
             return np.reshape(ends, values[0].shape)
+        plain = {name: np.asarray(getattr(self, name)).item() for name in self.coefficient_names()}
+        return np.asarray(_searched_field(replace(self, **plain)))
+
+    def _searched_field(self) -> float:
+        """The valid field, for coefficients that are single numbers."""
         widest = float(self.widest)
         angles = np.linspace(0.0, widest * (1.0 - 1e-9), _ANGLES + 1)  # the widest itself may be imaged at infinity
         around = np.linspace(0.0, 2.0 * np.pi, 1 if self.symmetric else _AZIMUTHS, endpoint=False)
         end, azimuth = self._end_of_field(angles, around)
         if end == angles[-1]:
-            return np.asarray(widest)
+            return widest
         # Between the azimuths the field may end sooner: look closely around the one where it ended, at angles that
         # become denser towards that end.
         if not self.symmetric:
             near = azimuth + np.linspace(-1.0, 1.0, _AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
             end, _ = self._end_of_field(end * (1.0 - np.geomspace(1.0, _ROUNDING, _NEARER)), near)
-        return np.asarray(end)
+        return end
 
     def _end_of_field(self, angles: FloatArray, azimuths: FloatArray) -> tuple[float, float]:
         """The angle up to which all azimuths are well imaged, and the azimuth where they no longer are.
@@ -248,6 +253,12 @@ class LensModel(ABC):
                 limit=" and ".join(["finite", *ends]),
                 remedy="correct the coefficient",
             )
+
+
+@lru_cache(maxsize=256)
+def _searched_field(lens: LensModel) -> float:
+    """The valid field; the lenses of a study are made anew each time it is read."""
+    return lens._searched_field()
 
 
 def angle_from_axis(distance: FloatArray, z: FloatArray) -> FloatArray:
