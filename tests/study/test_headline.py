@@ -198,6 +198,9 @@ def test_a_sweep_includes_the_declared_design(headline: Study) -> None:
     study = headline.with_values({"sweep": str(counts), "readings": "{}", "claims": "{}"})
     assert {1000.0, 1100.0, 1200.0} < set(sweep_axes(study.prepared)[0].labels)
     assert sweep_points(study.prepared, sweep_axes(study.prepared))
+    doubled = {"stereo-short.sensor.pixels.0": {"from": "1", "to": "1024", "points": 11, "spacing": "log"}}
+    study = headline.with_values({"sweep": str(doubled), "readings": "{}", "claims": "{}"})
+    assert {2.0**power for power in range(11)} <= set(sweep_axes(study.prepared)[0].labels)
     choices = {"raytrix-r5.depth.estimator": ["adjacent-pair", "widest-pair"]}
     study = headline.with_values({"sweep": str(choices), "readings": "{}", "claims": "{}"})
     assert [axis.labels for axis in sweep_axes(study.prepared)] == [("adjacent-pair", "widest-pair", "same-type-pair")]

@@ -122,6 +122,8 @@ def _values_of_range(path: str, part: SweepRangePart) -> tuple[ScalarEntry, ...]
     if not math.isfinite(stop - start) or (part.spacing == "log" and not (start > 0.0 and stop > 0.0)):
         raise UnitError(f"{path}: a {part.spacing} range from '{part.start}' to '{part.stop}' is impossible")
     numbers = (np.geomspace if part.spacing == "log" else np.linspace)(start, stop, part.points)
+    if not dimension.unit:  # rounding must not turn a count into a fraction
+        numbers = np.where(np.isclose(numbers, np.round(numbers), rtol=1e-12, atol=0.0), np.round(numbers), numbers)
     return tuple(quantity_entry(float(number), dimension) for number in numbers)
 
 
