@@ -129,7 +129,7 @@ def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
     title = camera_titles(tree).get(parts[0], "")
     words = [part for part in parts[1:] if part not in _STRUCTURE] if title else parts
     if words[:2] == ["calibration", "errors"] and len(words) > _SHORTEST_SPREAD:
-        words = [words[2], "spread"]
+        words = [words[2], "spread" if words[-1] == "standard deviation" else words[-1]]
     return " ".join(map(in_words, words)), title
 
 
