@@ -154,6 +154,13 @@ def test_no_design_is_called_closest_where_the_sweep_does_not_matter() -> None:
     assert design_details(results) == "Every design misses “close enough” (worst 1 %) and “far enough” (worst 2 %)"
 
 
+def test_no_design_has_the_largest_margin_where_the_sweep_does_not_matter() -> None:
+    results = tree(1, grid(*[(20.0, 20.0)] * 3))
+    assert feasible_words(results).startswith("every design meets both requirements")
+    assert design_details(results) == "The margin of every design is 20 %"
+    assert design_details(tree(1, np.full((3, 2, 2), np.inf))) == ""
+
+
 def test_the_next_requirement_decides_between_designs_that_miss_the_worst_one_alike() -> None:
     margins = grid((-50, -50), (-50, -50), (-50, -50)).astype(float)
     margins[..., 1] = [[-30, -20], [-10, -25], [-40, -45]]
@@ -163,7 +170,8 @@ def test_the_next_requirement_decides_between_designs_that_miss_the_worst_one_al
 
 
 def test_a_margin_without_an_end_is_not_stated_as_a_number() -> None:
-    assert design_details(tree(1, np.full((3, 2, 2), np.inf))).startswith("Best: the rig with baseline 50 mm")
+    met = grid((1, 1), (1, 1), (1, 0))
+    assert design_details(tree(met, np.full((3, 2, 2), np.inf))).startswith("Best: the rig with baseline 50 mm")
 
 
 def test_the_closest_design_has_the_largest_margin_and_what_it_lacks_is_said() -> None:

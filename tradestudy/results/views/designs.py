@@ -382,7 +382,10 @@ def design_details(tree: xr.DataTree) -> str:
     if not feasible.count:
         which = "Every design" if feasible.alike else "The closest design"
         return f"{which} misses {listed([f'“{says}” ({reason})' for says, reason in feasible.misses])}"
-    margin = f"Largest margin, {_margin_size(feasible.best.margin)}" if np.isfinite(feasible.best.margin) else "Best"
+    size = _margin_size(feasible.best.margin) if np.isfinite(feasible.best.margin) else ""
+    if feasible.alike:
+        return f"The margin of every design is {size}" if size else ""
+    margin = f"Largest margin, {size}" if size else "Best"
     missed = [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in feasible.missed]
     # More misses than designs that miss anything: some designs miss several requirements.
     overlap = sum(count for _, count in feasible.missed) > feasible.designs - feasible.count
