@@ -41,7 +41,7 @@ def nearest_name(name: str, known: Iterable[str]) -> str:
     close = nearest(name, names)
     if close is not None:
         return f"; nearest: {close!r}"
-    if 0 < len(names) <= 8:
+    if 0 < len(names) <= 9:
         return f"; known: {', '.join(repr(known_name) for known_name in names)}"
     return ""
 
