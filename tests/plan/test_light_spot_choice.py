@@ -28,11 +28,8 @@ from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
-SMALL = [
-    "light_spot.microlenses.lenses_across=1",
-    "light_spot.detector.pixels=23",
-    "light_spot.spot.diameter=0.2 mm",
-]
+ONE = ["light_spot.microlenses.lenses_across=1", "light_spot.detector.pixels=23"]
+SMALL = [*ONE, "light_spot.spot.diameter=0.2 mm"]
 
 
 def spot(*overrides: str) -> LightSpotPart:
@@ -350,24 +347,25 @@ SLOW = [  # the main image and the pixels are as far from the array as for f/3.8
 
 
 def test_check_plan_and_run_refuse_microlenses_that_follow_the_source_in_the_same_words() -> None:
-    """Whole pictures differ by 2.0 %, the light of a few points by 1.2 %, exact rays by 2.5 %."""
-    study = tradestudy.load(STUDY, PERFECT)
+    one_lens = [*ONE, *PERFECT]
+    study = tradestudy.load(STUDY, one_lens)
     said = set()
     for asked in (study.check, study.plan, study.run):
-        with pytest.raises(OutOfRangeError, match=r"differs by about 0\.02.*≤ 0\.01.*use the parabolic") as refused:
+        with pytest.raises(OutOfRangeError, match=r"differs by about 0\.03.*≤ 0\.01.*use the parabolic") as refused:
             asked()
         said.add(str(refused.value))
     assert len(said) == 1
-    looser = [*PERFECT, "light_spot.tolerance=10 %"]
+    looser = [*one_lens, "light_spot.tolerance=10 %"]
     for ask in (tradestudy.Study.check, tradestudy.Study.plan):  # the chosen picture has a tolerance of its own
         with pytest.raises(OutOfRangeError, match=r"≤ 0\.01, the sampling of the chosen picture.* accuracy"):
             ask(tradestudy.load(STUDY, looser))
         with pytest.raises(OutOfRangeError, match=r"≤ 0\.01, light_spot\.tolerance, for compared pictures"):
-            ask(tradestudy.load(STUDY, [*PERFECT, "accuracy.tolerance=0.5 %"]))
+            ask(tradestudy.load(STUDY, [*one_lens, "accuracy.tolerance=0.5 %"]))
         ask(tradestudy.load(STUDY, [*looser, "accuracy.tolerance=10 %"]))
 
 
 def test_check_refuses_microlenses_that_follow_the_source_under_a_reading(tmp_path: Path) -> None:
+    """Whole pictures differ by 2.0 %, the light of a few points by 1.2 %, exact rays by 2.5 %."""
     file = tmp_path / "study.yaml"
     before, lenses, after = STUDY.read_text().partition("light_spot.microlenses.lens_phase: perfect")
     file.write_text(before + lenses + after.replace("5.5 %", "1 %", 1))
@@ -420,7 +418,8 @@ def test_points_or_rays_find_how_far_the_phase_of_microlenses_follows_the_source
     ],
 )
 def test_check_and_plan_refuse_light_that_a_run_would_refuse(study: str, change: str, refusal: str, asked: str) -> None:
-    loaded = tradestudy.load(STUDY.with_name(f"{study}.yaml"), [change])
+    smaller = ONE if study == "light_spot" else []
+    loaded = tradestudy.load(STUDY.with_name(f"{study}.yaml"), [*smaller, change])
     with pytest.raises(OutOfRangeError, match=refusal):
         getattr(loaded, asked)()
 
