@@ -39,7 +39,7 @@ OTHERS = """
     focus: {distance: 150 mm, stack: {from: 130 mm, to: 180 mm, images: 12}}
 """
 PLANE = "{{shape: plane, distance: {} mm}}"
-SMALL = ["plenoptic.sensor.pixels=[260, 260]", "views.sensor.pixels=[560, 560]"]
+SMALL = ["plenoptic.sensor.pixels=[190, 190]", "views.sensor.pixels=[400, 400]"]
 
 
 def study_text(
@@ -269,7 +269,7 @@ def test_the_map_has_the_orientation_of_the_scene(tmp_path: Path, camera: str, l
 
 @pytest.mark.parametrize(
     ("camera", "pixels"),
-    [("pair", "[300, 160]"), ("plenoptic", "[240, 240]"), ("views", "[500, 500]"), ("stack", "[100, 80]")],
+    [("pair", "[300, 160]"), ("plenoptic", "[170, 170]"), ("views", "[440, 440]"), ("stack", "[100, 80]")],
 )
 def test_nothing_is_measured_without_texture(tmp_path: Path, camera: str, pixels: str) -> None:
     if camera == "pair":
@@ -297,7 +297,7 @@ def test_a_range_of_disparities_wider_than_the_picture_costs_no_more_than_the_pi
 def test_a_plane_beyond_the_search_range_has_no_depth(tmp_path: Path, camera: str) -> None:
     if camera == "pair":
         pytest.importorskip("cv2")
-    score, maps = mapped(tmp_path, camera, "{shape: plane, distance: 50 m}", pixels="[240, 240]")
+    score, maps = mapped(tmp_path, camera, "{shape: plane, distance: 50 m}", pixels="[170, 170]")
     assert (maps["_true"][np.isfinite(maps["_true"])] > 49.0).all()
     # A pair of windows that look alike by chance is all that may be found.
     assert np.isfinite(maps[""]).mean() < 0.05
@@ -332,7 +332,7 @@ def test_a_rig_off_its_design_measures_as_much_as_one_as_designed(tmp_path: Path
 
 def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:
     path = tmp_path / "maps.yaml"
-    path.write_text(study_text("plenoptic", PLANE.format(150), pixels="[300, 300]"), encoding="utf-8")
+    path.write_text(study_text("plenoptic", PLANE.format(150), pixels="[240, 240]"), encoding="utf-8")
     answer = CliRunner().invoke(cli.app, ["render", str(path), "--depth", "--out", str(tmp_path / "out")])
     assert "plenoptic: " in answer.output
     assert "unoccluded points measured" in answer.output
