@@ -154,6 +154,20 @@ def test_no_design_is_called_closest_where_the_sweep_does_not_matter() -> None:
     assert design_details(results) == "Every design misses “close enough” (worst 1 %) and “far enough” (worst 2 %)"
 
 
+def test_a_requirement_that_cannot_be_decided_is_not_called_missed() -> None:
+    unknown, nowhere = [1, -1], np.broadcast_to([20.0, np.nan], (3, 2, 2))
+    results = tree(unknown, nowhere)
+    assert feasible_words(results) == "none of 6 designs meets both requirements: one of them cannot be decided for any"
+    assert design_details(results) == "Every design leaves undecided “far enough” (worst 2 %)"
+    margins = grid((-10, -20), (-30, -40), (-50, -60)).astype(float)
+    margins[..., 1] = np.nan
+    results = tree([0, -1], margins)
+    assert feasible_words(results).endswith("the rig with baseline 50 mm and focal length 4 mm comes closest")
+    assert design_details(results).startswith(
+        "The closest design misses “close enough” (worst 1 %) and leaves undecided"
+    )
+
+
 def test_no_design_has_the_largest_margin_where_the_sweep_does_not_matter() -> None:
     results = tree(1, grid(*[(20.0, 20.0)] * 3))
     assert feasible_words(results).startswith("every design meets both requirements")

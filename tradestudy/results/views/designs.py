@@ -78,6 +78,8 @@ class Feasible:
         Whether every design meets or misses each requirement by as much as the best one.
     misses
         The requirements that this design misses, in the words of the study, and its worst values; worst missed first.
+    undecided
+        The requirements that cannot be decided for this design, likewise, with the reason.
     region
         Values of each parameter among the feasible designs, in words; empty where none is feasible.
     required, wishes
@@ -95,6 +97,7 @@ class Feasible:
     best: Design
     alike: bool
     misses: tuple[tuple[str, str], ...]
+    undecided: tuple[tuple[str, str], ...]
     region: str
     required: int
     wishes: int
@@ -166,7 +169,8 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     data = group(tree, "requirements")
     must = must_hold(data)
     axes = [str(dim) for dim in data["design_met"].dims if dim != "requirement"]
-    met = data["design_met"].transpose(*axes, "requirement").values[..., must] == 1
+    verdicts = data["design_met"].transpose(*axes, "requirement").values[..., must]
+    met = verdicts == 1
     margins = _of_required(data, "design_margin_percent", axes, must)
     # Results of earlier versions lack it.
     closeness = _of_required(data, "design_closeness", axes, must) if "design_closeness" in data else margins
@@ -183,8 +187,15 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         _best_value_words(data[axis], int(k), least[(*best[:place], slice(None), *best[place + 1 :])])
         for place, (axis, k) in enumerate(zip(axes, best, strict=True))
     ]
-    worst_first = [int(k) for k in np.argsort(margins[best], kind="stable") if not met[best][k]]
-    reasons = data["design_reason"].transpose(*axes, "requirement").values[best][must]
+    says, reasons = data["says"].values[must], data["design_reason"].transpose(*axes, "requirement").values[best][must]
+    not_met, undecided = (
+        tuple(
+            (str(says[k]), str(reasons[k]))
+            for k in np.argsort(margins[best], kind="stable")
+            if verdicts[best][k] == one
+        )
+        for one in (0, -1)
+    )
     return Feasible(
         count=int(feasible.sum()),
         designs=int(feasible.size),
@@ -196,14 +207,15 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
             words=design_words(tree, dict(zip(axes, words, strict=True))),
             margin=float(margins[best].min()) / 100.0,
         ),
-        alike=np.allclose(closeness, closeness[best], rtol=1e-9, atol=0.0) and bool((met == met[best]).all()),
-        misses=tuple((str(data["says"].values[must][k]), str(reasons[k])) for k in worst_first),
+        alike=np.allclose(closeness, closeness[best], rtol=1e-9, atol=0.0) and bool((verdicts == verdicts[best]).all()),
+        misses=not_met,
+        undecided=undecided,
         region=_region_words(tree, data, axes, feasible),
         required=int(must.sum()),
         wishes=int((~must).sum()),
         by_any=bool(np.any(data["of"].values[must] == "any")),
         fills_region=_fills_region(feasible),
-        missed=_missed(data["says"].values[must], met),
+        missed=_missed(says, met),
     )
 
 
@@ -324,11 +336,12 @@ def feasible_words(tree: xr.DataTree) -> str:
     requirements += " that must hold" if feasible.wishes and feasible.required > 1 else ""
     requirements += " with one of the cameras" if feasible.by_any and len(camera_titles(tree)) > 1 else ""
     if not feasible.count:
-        closest = (
-            f"all miss {'it' if feasible.required == 1 else 'them'} alike"
-            if feasible.alike
-            else f"{feasible.best.words} comes closest"
-        )
+        if not feasible.alike:
+            closest = f"{feasible.best.words} comes closest"
+        elif feasible.misses:
+            closest = f"all miss {'it' if feasible.required == 1 else 'them'} alike"
+        else:
+            closest = f"{'it' if feasible.required == 1 else 'one of them'} cannot be decided for any"
         return f"none of {feasible.designs} designs meets {requirements}: {closest}"
     if feasible.count == feasible.designs:
         return f"every design meets {requirements}: {feasible.region}"
@@ -381,7 +394,12 @@ def design_details(tree: xr.DataTree) -> str:
         return ""
     if not feasible.count:
         which = "Every design" if feasible.alike else "The closest design"
-        return f"{which} misses {listed([f'“{says}” ({reason})' for says, reason in feasible.misses])}"
+        not_met, undecided = (
+            listed([f"“{says}” ({reason})" for says, reason in found])
+            for found in (feasible.misses, feasible.undecided)
+        )
+        said = f"misses {not_met}" * bool(not_met) + " and " * bool(not_met and undecided)
+        return f"{which} {said}" + f"leaves undecided {undecided}" * bool(undecided)
     size = _margin_size(feasible.best.margin) if np.isfinite(feasible.best.margin) else ""
     if feasible.alike:
         return f"The margin of every design is {size}" if size else ""
