@@ -68,7 +68,7 @@ def test_an_unbounded_uncertainty_causes_no_warning_and_is_never_best() -> None:
 
 def test_curves_agree_with_a_full_evaluation() -> None:
     """Crossover and winners of the shipped sweep as declared, against the root finder on the exact curves."""
-    study = tradestudy.load(STUDIES / "stereo_design.yaml", ["sweep=null"]).plan().study
+    study = tradestudy.load(STUDIES / "stereo_design.yaml", ["sweep=null"]).prepared
     case, pair = study.case, ("raytrix-r5", "stereo")
     places = np.array(study.file.decision.at)  # type: ignore[union-attr]  # the study has one
     curves = {

@@ -39,7 +39,7 @@ def asked(requirement: dict[str, Any], question: dict[str, Any] | None = None) -
             **dict.fromkeys(others),
         }
     )
-    definition = study.plan().study
+    definition = study.prepared
     return solve_requirement(definition, definition.file.solve["which"])
 
 
@@ -57,7 +57,7 @@ def test_a_requirement_can_be_met_between_two_values() -> None:
     """A longer baseline measures better at 3 m; from Z W/f on the views share nothing at 0.4 m."""
     needed = {"depth_uncertainty": {"below_relative": "1 %", "over": ["0.4 m", "3 m"]}}
     begins, ends = asked(needed, {**BASELINE, "high": "1 m"}).solutions
-    study = tradestudy.load(STUDIES / "robot.yaml").plan().study
+    study = tradestudy.load(STUDIES / "robot.yaml").prepared
     case = study.with_values({"stereo-75mm.baseline": f"{begins.value} m"}).case
     relative = depth_uncertainty(case.cameras["stereo-75mm"], np.array([3.0]))[0] / 3.0
     assert relative == pytest.approx(0.01, rel=0.005)
@@ -105,7 +105,7 @@ def test_several_requirements_are_met_between_their_own_limits() -> None:
             "usable_range": None,
         }
     )
-    definition = study.plan().study
+    definition = study.prepared
     begins, ends = solve_requirement(definition, definition.file.solve["which"]).solutions
     assert ends.value == pytest.approx(0.4 * 0.4 * WIDTH / 2.65e-3, rel=2e-4)
     case = definition.with_values({"stereo-75mm.baseline": f"{begins.value} m"}).case
@@ -127,7 +127,7 @@ def test_a_bound_that_varies_is_the_bound_that_counts() -> None:
     study = tradestudy.load(STUDIES / "robot.yaml").with_values(
         {"requirements": {"needed": {"says": "needed", "camera": "stereo-75mm", **needed}}, "usable_range": None}
     )
-    case = study.plan().study.case
+    case = study.prepared.case
     worst = float(depth_uncertainty(case.cameras["stereo-75mm"], np.array([1.0]))[0])
     assert one.value == pytest.approx(worst, rel=1e-3)
     swept = study.with_values({"sweep": {bound["vary"]: ["0.1 mm", "1 m"]}, "trade_off": None}).run()
@@ -194,7 +194,7 @@ def test_the_declared_value_is_among_those_tried() -> None:
             },
         }
     )  # fmt: skip
-    definition = study.plan().study
+    definition = study.prepared
     near, far = (one.value for one in solve_requirement(definition, definition.file.solve["focus"]).solutions)
 
     def blur(place: float, focus: float) -> float:

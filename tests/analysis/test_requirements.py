@@ -286,7 +286,7 @@ def test_the_end_of_an_interval_is_a_root_and_not_a_design() -> None:
     study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT}).with_values(
         {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
     )
-    definition = study.plan().study
+    definition = study.prepared
     found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     low, high = 0.03, 0.09
     while high - low > 1e-6:
@@ -305,7 +305,7 @@ def test_where_any_camera_may_meet_it_each_has_its_own_range() -> None:
     """The 50 mm head meets 2 % everywhere, which says nothing about the 75 mm head, whose baseline is swept."""
     two = {"depth_uncertainty": {"below_relative": "2 %", "over": ["0.4 m", "3 m"]}}
     study = robot(any={"camera": "any", **two}, named={"camera": "stereo-75mm", **two})
-    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["20 mm", "60 mm", "90 mm"]}}).plan().study
+    definition = study.with_values({"sweep": {"stereo-75mm.baseline": ["20 mm", "60 mm", "90 mm"]}}).prepared
     found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     columns = [found[name].values for name in ("met_camera", "met_from", "met_to")]
     of_any, of_named = (
