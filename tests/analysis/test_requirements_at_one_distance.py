@@ -138,6 +138,7 @@ def test_the_distance_varies_in_sweeps_and_inverse_questions() -> None:
         .with_values(
             {
                 "usable_range": None,
+                **dict.fromkeys(("trade_off", "decision", "stereo-50mm", "raytrix-r5")),
                 "sweep": {path: ["0.18 m", "0.2 m", "0.3 m"]},
                 "solve": {
                     "nearest": {"says": "How near?", "vary": path, "low": "0.18 m", "high": "1 m", "requirement": "own"}
