@@ -165,7 +165,6 @@ def test_unseen_points_do_not_count():
     np.testing.assert_allclose(with_gaps.laplace.standard_deviation, deviation, rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_emcee_equals_laplace_on_the_plenoptic_camera():
     truth, problem = plenoptic_problem(np.random.default_rng(5), deviations=(1e-3, 1e-4))
     fit = fit_target(problem)
