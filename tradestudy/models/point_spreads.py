@@ -45,7 +45,6 @@ MEASURES: Final = (
     "outside_geometric",
     "neighbour_share",
 )
-_SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -164,7 +164,7 @@ class LensModel(ABC):
             ends = [replace(self, **dict(zip(names, row, strict=True))).valid_field for row in rows]
             return np.reshape(ends, values[0].shape)
         plain = {name: np.asarray(getattr(self, name)).item() for name in self.coefficient_names()}
-        return np.asarray(_searched_field(replace(self, **plain)))
+        return np.asarray(_remembered_field(replace(self, **plain)))
 
     def _searched_field(self) -> float:
         """The valid field, for coefficients that are single numbers."""
@@ -256,7 +256,7 @@ class LensModel(ABC):
 
 
 @lru_cache(maxsize=256)
-def _searched_field(lens: LensModel) -> float:
+def _remembered_field(lens: LensModel) -> float:
     """The valid field; the lenses of a study are made anew each time it is read."""
     return lens._searched_field()
 

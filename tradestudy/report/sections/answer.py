@@ -56,7 +56,6 @@ _ROOM: Final = 250  # characters of a sentence, so that the page has room for it
 _ELSEWHERE: Final = ("headline", "designs", "requirement", "question", "answer", "claims", "origin", "best")
 """Kinds of conclusions that the first page has in another place, or the report in a section."""
 _CLOSE = 0.1  # relative difference of two distances, across which the causes of errors hardly change
-_MOST_STRETCHES: Final = 6
 _WHICH: Final = "Which camera for which distance, with its depth uncertainty (68 %)"
 _DECLARED: Final = " (study as declared)"
 

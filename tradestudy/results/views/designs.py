@@ -38,7 +38,6 @@ BY_UNIT: Final = {
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that its words leave out
 _MANY_TIMES: Final = 1.0
 _NEARLY_ONE: Final = 1.1  # a smaller factor reads better as a percentage
-_SAME: Final = 1e-3  # of a distance
 _BOTH: Final = 2
 _HARDLY, _CLEARLY = 1.1, 1.5  # factors of the depth uncertainty over the values of a swept number
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
@@ -192,9 +191,9 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         tuple(
             (str(says[k]), str(reasons[k]))
             for k in np.argsort(margins[best], kind="stable")
-            if verdicts[best][k] == one
+            if verdicts[best][k] == verdict
         )
-        for one in (0, -1)
+        for verdict in (0, -1)
     )
     return Feasible(
         count=int(feasible.sum()),
@@ -395,8 +394,8 @@ def design_details(tree: xr.DataTree) -> str:
     if not feasible.count:
         which = "Every design" if feasible.alike else "The closest design"
         not_met, undecided = (
-            listed([f"“{says}” ({reason})" for says, reason in found])
-            for found in (feasible.misses, feasible.undecided)
+            listed([f"“{says}” ({reason})" for says, reason in requirements])
+            for requirements in (feasible.misses, feasible.undecided)
         )
         said = f"misses {not_met}" * bool(not_met) + " and " * bool(not_met and undecided)
         return f"{which} {said}" + f"leaves undecided {undecided}" * bool(undecided)
